@@ -1,0 +1,90 @@
+"""Messages of the control side, standard library only. Times are seconds of one monotonic clock.
+
+Frames: NED = north, east, down, origin at home; FRD = forward, right, down of the vehicle's body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+Vec3 = tuple[float, float, float]
+
+
+class VehicleMode(Enum):
+    """Flight modes as far as following cares; each autopilot adapter maps its own numbers onto these."""
+
+    EXTERNAL = "external"  # PX4 OFFBOARD, ArduCopter GUIDED: the vehicle obeys our setpoints
+    HOLD = "hold"  # PX4 AUTO_LOITER, ArduCopter BRAKE or LOITER
+    TAKEOFF = "takeoff"
+    LAND = "land"
+    RETURN = "return"
+    MANUAL = "manual"  # any mode flown by the pilot's sticks
+    OTHER = "other"
+    UNKNOWN = "unknown"  # nothing heard yet
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """The newest telemetry, each part with the time it arrived (s); None = never heard."""
+
+    heartbeat_t_s: float | None = None
+    mode: VehicleMode = VehicleMode.UNKNOWN
+    mode_t_s: float | None = None
+    armed: bool = False
+    in_air: bool = False
+    failsafe: bool = False
+    attitude_t_s: float | None = None
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    yaw_rate_rps: float = 0.0
+    position_t_s: float | None = None
+    position_ned_m: Vec3 = (0.0, 0.0, 0.0)
+    velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)
+    height_m: float = 0.0  # above home, from relative altitude
+    battery_frac: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BearingMeasurement:
+    """A tracked box as a line of sight at the frame's capture time.
+
+    azimuth_rad: from north, clockwise seen from above. elevation_rad: above the horizon is positive.
+    log_size: ln(sqrt(box area in px²) / focal length in px). confidence: 0..1 of the tracker.
+    """
+
+    t_capture_s: float
+    azimuth_rad: float
+    elevation_rad: float
+    log_size: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class TargetState:
+    """The filtered line of sight, predicted to t_s."""
+
+    t_s: float
+    azimuth_rad: float
+    azimuth_rate_rps: float
+    elevation_rad: float
+    elevation_rate_rps: float
+    log_size: float
+    log_size_rate_ps: float
+    azimuth_std_rad: float
+    azimuth_rate_std_rps: float
+    log_size_std: float
+    confidence: float  # of the newest accepted measurement
+    measured_t_s: float  # capture time of the newest accepted measurement
+    rejections_in_a_row: int
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityRequest:
+    """What a follow law wants; only the gate turns it into a Setpoint."""
+
+    t_s: float
+    velocity_ned_mps: Vec3
+    yaw_rate_rps: float
+    limited_by: tuple[str, ...] = ()  # names of the limits that are clipping, for the operator

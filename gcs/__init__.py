@@ -1,0 +1,1 @@
+"""The ground control station: joins video, tracker, control and vehicle."""
