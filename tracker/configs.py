@@ -1,0 +1,175 @@
+"""Configurations of the network and of the online tracker: plain values, validated once, no branches of code."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Any
+
+
+class ConfigError(ValueError):
+    """A network or tracker configuration is not usable; the message names the field and the value."""
+
+
+class LatentProvider(Enum):
+    """Where the latent frame (the moment between the previous and the current search patch) comes from."""
+
+    CLIMNET = "climnet"  # interpolated by ClimNet, as in the paper
+    PREVIOUS = "previous"  # features of the earlier patch itself, as in the released training; costs nothing
+    OFF = "off"  # the current patch's own features: no temporal information at all
+
+
+@dataclass(frozen=True, slots=True)
+class ClimNetConfig:
+    """Widths of ClimNet: channels of the first stem convolution and of the four encoder stages."""
+
+    stem: int
+    stages: tuple[int, int, int, int]
+
+    def __post_init__(self) -> None:
+        _require(self.stem > 0, "climnet.stem", self.stem, "positive")
+        _require(len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0")
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkConfig:
+    """Shape of one ClimRT network.
+
+    backbone_channels: output channels of the five backbone layers.
+    hidden: channels of the transformer (d_model); heads, ffn: of its attention and feed-forward parts.
+    group_norm_groups: groups of the head towers' GroupNorm; head_convs: 3x3 convolutions in each tower.
+    climnet: widths of ClimNet, or None to build the network without it.
+    legacy_layout: True repeats the unpermuted view in the authors' encoder (their checkpoints need it).
+    cross_attention_residual: the authors' decoder has none around its cross-attention; True adds it.
+    input_mean, input_scale: the backbone sees (x - mean) * scale of BGR 0..255 (the authors: raw).
+    """
+
+    name: str
+    backbone_channels: tuple[int, int, int, int, int]
+    hidden: int
+    heads: int
+    ffn: int
+    group_norm_groups: int
+    climnet: ClimNetConfig | None
+    legacy_layout: bool
+    cross_attention_residual: bool = False
+    head_convs: int = 3
+    dropout: float = 0.1
+    input_mean: float = 0.0
+    input_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        widths = self.backbone_channels
+        _require(len(widths) == 5 and min(widths) > 0, "backbone_channels", widths, "5 widths > 0")
+        _require(self.hidden > 0 and self.hidden % 2 == 0, "hidden", self.hidden, "positive and even")
+        _require(self.heads > 0 and self.hidden % self.heads == 0, "heads", self.heads, "a divisor of hidden")
+        _require(self.ffn > 0, "ffn", self.ffn, "positive")
+        groups = self.group_norm_groups
+        _require(groups > 0 and self.hidden % groups == 0, "group_norm_groups", groups, "a divisor of hidden")
+        _require(self.head_convs >= 0, "head_convs", self.head_convs, "zero or more")
+        _require(0 <= self.dropout < 1, "dropout", self.dropout, "in [0, 1)")
+        _require(self.input_scale != 0, "input_scale", self.input_scale, "other than zero")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> NetworkConfig:
+        """From to_dict's values; raises ConfigError on unknown, missing or unusable fields."""
+        try:
+            values = dict(values)
+            values["backbone_channels"] = tuple(values["backbone_channels"])
+            climnet = values["climnet"]
+            if climnet is not None:
+                values["climnet"] = ClimNetConfig(climnet["stem"], tuple(climnet["stages"]))
+            return cls(**values)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(f"network configuration is incomplete or malformed: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerConfig:
+    """Constants of online tracking, the authors' experiments/config.yaml values by default.
+
+    exemplar_px, search_px: sides of the template and search patches fed to the network.
+    context_frac: context added round the object, in mean sides. grid_cells, grid_stride_px: the score grid.
+    penalty_k, window_influence, size_rate: scale-change penalty, Hann window weight, size smoothing rate.
+    cls1_weight, cls2_weight: of the two classification branches in the score.
+    min_size_px: floor of the tracked box's sides in the frame; huge_frac: above this part of the frame's
+    area the first frame's crop size is used.
+    latent, latent_interval: provider of the latent frame, and how many frames back (1..5) its other
+    input lies (the paper's m). clip_rate: clip the smoothing rate to 0..1 (the authors do not).
+    """
+
+    exemplar_px: int = 127
+    search_px: int = 287
+    context_frac: float = 0.5
+    grid_cells: int = 11
+    grid_stride_px: int = 16
+    penalty_k: float = 0.082
+    window_influence: float = 0.42
+    size_rate: float = 0.30
+    cls1_weight: float = 0.8
+    cls2_weight: float = 0.9
+    min_size_px: float = 10.0
+    huge_frac: float = 0.5
+    latent: LatentProvider = LatentProvider.PREVIOUS
+    latent_interval: int = 1
+    clip_rate: bool = False
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.latent_interval <= 5, "latent_interval", self.latent_interval, "in 1..5")
+        for field in ("penalty_k", "window_influence", "size_rate", "cls1_weight", "cls2_weight"):
+            value = getattr(self, field)
+            _require(0 <= value < 10, field, value, "in 0..10")
+        _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return asdict(self) | {"latent": self.latent.value}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TrackerConfig:
+        """From to_dict's values; fields left out keep their defaults; raises ConfigError on others."""
+        try:
+            values = dict(values)
+            if "latent" in values:
+                values["latent"] = LatentProvider(values["latent"])
+            return cls(**values)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"tracker configuration is malformed: {error}") from error
+
+
+def _require(condition: bool, field: str, value: object, wanted: str) -> None:
+    if not condition:
+        raise ConfigError(f"{field} = {value!r}: must be {wanted}")
+
+
+# The paper's network: 43 M parameters (6.0 M of the tracker's heads, 3.7 M backbone, 33 M ClimNet).
+FULL = NetworkConfig(
+    name="full",
+    backbone_channels=(96, 256, 384, 384, 256),
+    hidden=192,
+    heads=6,
+    ffn=2048,
+    group_norm_groups=32,
+    climnet=ClimNetConfig(stem=45, stages=(64, 128, 256, 512)),
+    legacy_layout=True,
+)
+
+# The same network narrowed until it runs in real time on two CPU cores.
+COMPACT = NetworkConfig(
+    name="compact",
+    backbone_channels=(24, 48, 96, 96, 64),
+    hidden=96,
+    heads=6,
+    ffn=256,
+    group_norm_groups=16,
+    climnet=ClimNetConfig(stem=16, stages=(16, 32, 64, 128)),
+    legacy_layout=False,
+    input_mean=114.0,
+    input_scale=1 / 58,
+)
+
+NETWORKS = {FULL.name: FULL, COMPACT.name: COMPACT}

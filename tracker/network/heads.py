@@ -1,0 +1,85 @@
+"""Grader: similarity maps, learned positions, the cross transformer and the three prediction heads."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from tracker.configs import NetworkConfig
+from tracker.network.correlation import correlate, reduction
+from tracker.network.lct import CrossTransformer
+
+POSITIONS = 50  # rows of the authors' position tables; an 11x11 grid uses the first 11
+
+
+class Predictions(NamedTuple):
+    """What the network says of each of the 11x11 cells.
+
+    loc (B, 4, 11, 11): tanh-coded distances to the box's left, right, top, bottom, in 143 px.
+    cls1 (B, 2, 11, 11): background and target logits. cls2 (B, 1, 11, 11): closeness to the centre, a logit.
+    """
+
+    loc: Tensor
+    cls1: Tensor
+    cls2: Tensor
+
+
+def tower(config: NetworkConfig, out_channels: int | None = None) -> nn.Sequential:
+    """A row of 3x3 convolutions with GroupNorm and ReLU, closed by a plain one where out_channels is given."""
+    hidden = config.hidden
+    layers: list[nn.Module] = []
+    for _ in range(config.head_convs):
+        layers.append(nn.Conv2d(hidden, hidden, 3, padding=1))
+        layers.append(nn.GroupNorm(config.group_norm_groups, hidden))
+        layers.append(nn.ReLU(inplace=True))
+    if out_channels is not None:
+        layers.append(nn.Conv2d(hidden, out_channels, 3, padding=1))
+    return nn.Sequential(*layers)
+
+
+class Grader(nn.Module):
+    """From features of search patch, template and latent frame to predictions. Names are the authors'."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        c4, c5 = config.backbone_channels[3:]
+        hidden = config.hidden
+        self.conv1 = reduction(c4, hidden)
+        self.conv2 = reduction(c5, hidden)
+        self.conv3 = reduction(c5, hidden)
+        self.row_embed = nn.Embedding(POSITIONS, hidden // 2)
+        self.col_embed = nn.Embedding(POSITIONS, hidden // 2)
+        nn.init.uniform_(self.row_embed.weight)
+        nn.init.uniform_(self.col_embed.weight)
+        self.transformer = CrossTransformer(config)
+        self.convloc = tower(config, 4)
+        self.convcls = tower(config)
+        self.cls1 = nn.Conv2d(hidden, 2, 3, padding=1)
+        self.cls2 = nn.Conv2d(hidden, 1, 3, padding=1)
+
+    def similarity(
+        self, search: tuple[Tensor, Tensor], template: tuple[Tensor, Tensor], latent5: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Similarity maps Ms4, Ms5, Mt5, each (B, hidden, 11, 11), before positions are added."""
+        ms4 = self.conv1(correlate(search[0], template[0]))  # (B, hidden, 11, 11)
+        ms5 = self.conv2(correlate(search[1], template[1]))  # (B, hidden, 11, 11)
+        mt5 = self.conv3(correlate(latent5, template[1]))  # (B, hidden, 11, 11)
+        return ms4, ms5, mt5
+
+    def positions(self, height: int, width: int) -> Tensor:
+        """Learned position map (1, hidden, H, W): the column's vector above the row's."""
+        col = self.col_embed.weight[:width].T[:, None, :].expand(-1, height, -1)  # (hidden/2, H, W)
+        row = self.row_embed.weight[:height].T[:, :, None].expand(-1, -1, width)  # (hidden/2, H, W)
+        return torch.cat([col, row])[None]  # (1, hidden, H, W)
+
+    def forward(
+        self, search: tuple[Tensor, Tensor], template: tuple[Tensor, Tensor], latent5: Tensor
+    ) -> Predictions:
+        """(layer 4, layer 5) of search patch and template, layer 5 of the latent frame, to Predictions."""
+        ms4, ms5, mt5 = self.similarity(search, template, latent5)  # 3 x (B, hidden, 11, 11)
+        pos = self.positions(*ms4.shape[2:])  # (1, hidden, 11, 11)
+        joined = self.transformer(ms4 + pos, ms5 + pos, mt5 + pos)  # (B, hidden, 11, 11)
+        shared = self.convcls(joined)  # (B, hidden, 11, 11)
+        return Predictions(self.convloc(joined), self.cls1(shared), self.cls2(shared))
