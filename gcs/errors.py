@@ -1,0 +1,29 @@
+"""Everything this program may tell its user went wrong: each message is one line that says what and where."""
+
+from __future__ import annotations
+
+
+class GcsError(Exception):
+    """The root: the command line prints `gcs: <message>` and exits with `exit_code`, without a traceback."""
+
+    exit_code = 2
+
+
+class ConfigError(GcsError):
+    """A configuration file that cannot be used; names the file, the line and the key."""
+
+
+class VideoError(GcsError):
+    """A video file, image folder or stream that cannot be opened or read."""
+
+
+class SelectionError(GcsError):
+    """A box that cannot be tracked: outside the frame, too small, or no way to draw one."""
+
+
+class WireError(GcsError):
+    """The link to the vehicle: a bad address, a port in use, a device that is not there."""
+
+
+class VehicleError(GcsError):
+    """The vehicle did not answer in time, or refused what it was asked (with its own reason)."""
