@@ -1,4 +1,4 @@
-"""Configurations of the network and of the online tracker: plain values, validated once, no branches of code."""
+"""Configurations of the network and of the online tracker: plain values, validated once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ class ClimNetConfig:
 
     def __post_init__(self) -> None:
         _require(self.stem > 0, "climnet.stem", self.stem, "positive")
-        _require(len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0")
+        _require(
+            len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0"
+        )
 
 
 @dataclass(frozen=True, slots=True)

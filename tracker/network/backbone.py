@@ -1,4 +1,4 @@
-"""Backbone: AlexNet with batch normalisation and no padding, total stride 8 (ClimRT section III-B, phi)."""
+"""Backbone: AlexNet with batch normalisation and no padding, total stride 8 (the paper's phi)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole ClimRT network. State-dict names are the authors': `backbone.`, `internet.` (ClimNet), `grader.`."""
+"""The whole ClimRT network, under the authors' names: `backbone.`, `internet.` (ClimNet), `grader.`."""
 
 from __future__ import annotations
 

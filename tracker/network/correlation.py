@@ -1,4 +1,4 @@
-"""Depth-wise cross-correlation and the reduction after it: similarity maps M (ClimRT section III-B, eq. for M_s^i)."""
+"""Depth-wise cross-correlation and the reduction after it: the similarity maps M_s^4, M_s^5, M_t^5."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Predictions(NamedTuple):
 
 
 def tower(config: NetworkConfig, out_channels: int | None = None) -> nn.Sequential:
-    """A row of 3x3 convolutions with GroupNorm and ReLU, closed by a plain one where out_channels is given."""
+    """A row of 3x3 convolutions with GroupNorm and ReLU, closed by a plain one if out_channels is given."""
     hidden = config.hidden
     layers: list[nn.Module] = []
     for _ in range(config.head_convs):

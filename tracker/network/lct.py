@@ -1,7 +1,6 @@
-"""Latent-aware cross transformer (ClimRT section III-C): LAEIE encoder and CALID decoder, one layer each.
+"""The paper's cross transformer (LCT): LAEIE encoder and CALID decoder, one layer each.
 
-LAEIE (location-aware exploration and information enhancement of the spatial maps) joins the similarity maps of
-layers 4 and 5; CALID (content-aware latent information decoding) reads the joined map from the latent map.
+LAEIE joins the similarity maps of layers 4 and 5 into a memory; CALID lets the latent map read that memory.
 All sequences are (B, S, C), S = 121 grid cells row by row, C = hidden channels.
 """
 
@@ -24,7 +23,7 @@ def to_maps(sequence: Tensor, height: int, width: int) -> Tensor:
 
 
 class LAEIE(nn.Module):
-    """Encoder layer: layer-5 map, weighted per channel, asks the layer-4 map; both are fused by a 1x1 conv."""
+    """Encoder layer: layer-5 map, weighted per channel, asks the layer-4 map; a 1x1 conv fuses."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
