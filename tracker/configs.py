@@ -163,13 +163,15 @@ FULL = NetworkConfig(
 # The same network narrowed until it runs in real time on two CPU cores.
 COMPACT = NetworkConfig(
     name="compact",
-    backbone_channels=(24, 48, 96, 96, 64),
+    backbone_channels=(32, 64, 96, 96, 96),
     hidden=96,
     heads=6,
     ffn=256,
     group_norm_groups=16,
     climnet=ClimNetConfig(stem=16, stages=(16, 32, 64, 128)),
     legacy_layout=False,
+    cross_attention_residual=True,
+    dropout=0.0,
     input_mean=114.0,
     input_scale=1 / 58,
 )
