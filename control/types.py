@@ -51,7 +51,8 @@ class BearingMeasurement:
     """A tracked box as a line of sight at the frame's capture time.
 
     azimuth_rad: from north, clockwise seen from above. elevation_rad: above the horizon is positive.
-    log_size: ln(sqrt(box area in px²) / focal length in px). confidence: 0..1 of the tracker.
+    log_size: ln(sqrt(box area in px²) * cos(angle off the optical axis) / focal length in px), so that it is
+    ln(object size / slant range) wherever in the picture the box stands. confidence: 0..1 of the tracker.
     """
 
     t_capture_s: float
@@ -78,6 +79,8 @@ class TargetState:
     confidence: float  # of the newest accepted measurement
     measured_t_s: float  # capture time of the newest accepted measurement
     rejections_in_a_row: int
+    elevation_std_rad: float = 0.0
+    log_size_rate_std_ps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +91,27 @@ class VelocityRequest:
     velocity_ned_mps: Vec3
     yaw_rate_rps: float
     limited_by: tuple[str, ...] = ()  # names of the limits that are clipping, for the operator
+    # True: a zero that may be sent before the vehicle is in EXTERNAL (PX4 wants a stream before it switches).
+    priming: bool = False
+
+
+class Reason(Enum):
+    """Why the gate answered as it did: passed, trimmed, zero or nothing sent."""
+
+    PASSED = "passed"
+    SPEED = "trimmed: speed or yaw rate"
+    ALTITUDE = "trimmed: height floor or ceiling"
+    FENCE = "trimmed: fence"
+    SLEW = "trimmed: acceleration"
+    PRIMING = "zero: before the mode change"
+    REQUEST_STALE = "zero: request too old"
+    REQUEST_INVALID = "zero: request not finite"
+    TELEMETRY_STALE = "zero: attitude or position too old or not finite"
+    GAP = "zero: our own stream had a gap"
+    LIMIT_JUMPED = "zero: a limit moved faster than may be followed"
+    NO_REQUEST = "silent: nothing requested"
+    BAD_CALL = "silent: clock, vehicle or limits unusable"
+    HEARTBEAT_STALE = "silent: heartbeat or mode too old"
+    NOT_OURS = "silent: the mode is not external control"
+    NOT_ARMED = "silent: not armed"
+    FAILSAFE = "silent: the vehicle has a failsafe active"

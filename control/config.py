@@ -1,0 +1,146 @@
+"""Settings of estimation, laws and state machine: frozen, each with the range it may be chosen from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from control.gate_limits import Limits
+
+
+def _ranged(low: float, default: float, high: float) -> float:
+    return field(default=default, metadata={"low": low, "high": high})
+
+
+def _check_ranges(config: Any) -> None:
+    """ValueError naming field, range and value, for each field made by `_ranged`."""
+    for f in fields(config):
+        if "low" not in f.metadata:
+            continue
+        value, low, high = getattr(config, f.name), f.metadata["low"], f.metadata["high"]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise ValueError(f"{f.name} must be from {low:g} to {high:g}, not {value!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorConfig:
+    """Noise of the target filter: what the target may do, and how well a box of full confidence is placed."""
+
+    # Power spectral density of the angular acceleration is its square times one second.
+    bearing_acceleration_rps2: float = _ranged(0.01, 0.35, 5.0)
+    elevation_acceleration_rps2: float = _ranged(0.01, 0.15, 5.0)
+    log_size_acceleration_ps2: float = _ranged(0.01, 0.15, 5.0)
+    bearing_std_rad: float = _ranged(0.0002, 0.005, 0.2)
+    log_size_std: float = _ranged(0.002, 0.04, 1.0)
+    initial_bearing_rate_std_rps: float = _ranged(0.01, 0.5, 5.0)
+    initial_log_size_rate_std_ps: float = _ranged(0.01, 0.3, 5.0)
+    # The standard deviations above are divided by the confidence; below the floor a box is not used at all.
+    confidence_floor: float = _ranged(0.01, 0.2, 1.0)
+    gate_chi2: float = _ranged(1.0, 16.27, 50.0)  # chi-square, 3 degrees of freedom, 99.9 %
+    history_s: float = _ranged(0.1, 1.0, 5.0)  # a measurement may come this late
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowConfig:
+    """Gains and limits of the follow laws."""
+
+    yaw_gain_ps: float = _ranged(0.1, 1.3, 5.0)
+    yaw_lag_s: float = _ranged(0.0, 0.3, 1.0)  # of the vehicle's yaw-rate loop, answered ahead of time
+    feed_forward_std_rps: float = _ranged(0.01, 0.4, 5.0)  # std of the bearing rate at which half is left
+    range_gain_ps: float = _ranged(0.05, 0.5, 2.0)
+    target_velocity_gain: float = _ranged(0.0, 0.9, 1.0)  # how far the vehicle moves along with the target
+    target_velocity_std_mps: float = _ranged(0.1, 3.0, 20.0)  # std of it at which half is left
+    height_gain_ps: float = _ranged(0.05, 0.8, 2.0)
+    station_gain_ps: float = _ranged(0.05, 0.5, 2.0)  # spotlight holds its place
+    max_station_speed_mps: float = _ranged(0.1, 2.0, 5.0)
+    max_speed_mps: float = _ranged(0.1, 7.0, 12.0)
+    max_vertical_mps: float = _ranged(0.1, 0.8, 1.5)
+    max_yaw_rate_rps: float = _ranged(0.05, math.radians(60), math.radians(90))
+    min_distance_m: float = _ranged(1.5, 3.0, 50.0)
+    max_distance_m: float = _ranged(5.0, 80.0, 200.0)
+    min_depression_rad: float = _ranged(math.radians(1), math.radians(4), math.radians(45))
+    response_s: float = _ranged(0.1, 0.8, 3.0)  # latency and lag until the vehicle brakes
+    braking_mps2: float = _ranged(0.5, 3.5, 4.0)
+    time_to_collision_s: float = _ranged(1.0, 3.0, 10.0)
+    closing_confidence: float = _ranged(0.0, 0.4, 1.0)  # below it distance may only grow
+    full_confidence: float = _ranged(0.0, 0.6, 1.0)  # from it on full speed
+    view_margin_frac: float = _ranged(0.0, 0.2, 0.45)  # of the picture's height, kept free at top and bottom
+    min_acceleration_mps2: float = _ranged(0.2, 0.8, 3.0)  # always allowed, whatever the picture
+    lead_s: float = _ranged(0.0, 0.1, 0.5)  # command link plus half a command period
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+        if self.min_distance_m >= self.max_distance_m:
+            raise ValueError(f"min_distance_m {self.min_distance_m:g} must be below max_distance_m")
+        if self.closing_confidence > self.full_confidence:
+            raise ValueError("closing_confidence must not be above full_confidence")
+
+
+@dataclass(frozen=True, slots=True)
+class ShapingConfig:
+    """How quickly requests may change; the gate's own limits are a little looser."""
+
+    acceleration_mps2: float = _ranged(0.2, 2.5, 4.0)
+    braking_mps2: float = _ranged(0.5, 3.5, 4.0)
+    jerk_mps3: float = _ranged(0.5, 5.0, 50.0)
+    braking_jerk_mps3: float = _ranged(0.5, 20.0, 100.0)
+    yaw_acceleration_rps2: float = _ranged(0.1, math.radians(90), math.radians(150))
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
+
+@dataclass(frozen=True, slots=True)
+class EngagementConfig:
+    """Times and thresholds of the follow state machine (docs/safety.md)."""
+
+    target_age_s: float = _ranged(0.1, 0.3, 0.5)  # T_frame: older is unseen
+    lost_s: float = _ranged(0.5, 1.0, 1.0)  # T_lost: velocity is zero
+    release_s: float = _ranged(1.0, 3.0, 5.0)  # T_release: hold
+    request_age_s: float = _ranged(0.05, 0.2, 0.2)  # T_req: zero
+    stall_s: float = _ranged(0.3, 1.0, 1.0)  # requests stalled: hold
+    telemetry_age_s: float = _ranged(0.1, 0.5, 0.5)
+    heartbeat_age_s: float = _ranged(1.1, 3.0, 3.0)
+    engage_s: float = _ranged(0.2, 1.5, 3.0)  # until the vehicle says that the mode is ours
+    hold_s: float = _ranged(0.5, 2.0, 5.0)  # until the vehicle says that it holds, then silence
+    max_rejections: int = field(default=5, metadata={"low": 1, "high": 10})
+    confirm_confidence: float = _ranged(0.1, 0.5, 1.0)
+    max_latency_s: float = _ranged(0.05, 0.4, 0.4)
+    min_attitude_rate_hz: float = _ranged(4.0, 4.0, 50.0)
+    min_battery_frac: float = _ranged(0.1, 0.3, 1.0)
+    min_height_m: float = _ranged(1.5, 3.0, 120.0)
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+        if not self.target_age_s < self.lost_s < self.release_s:
+            raise ValueError("target_age_s, lost_s and release_s must grow in this order")
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    """All of it; what a section leaves out keeps its default. ValueError where sections contradict."""
+
+    estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
+    follow: FollowConfig = field(default_factory=FollowConfig)
+    shaping: ShapingConfig = field(default_factory=ShapingConfig)
+    engagement: EngagementConfig = field(default_factory=EngagementConfig)
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        pairs = (
+            ("shaping.braking_mps2", self.shaping.braking_mps2, self.limits.max_acceleration_mps2),
+            (
+                "shaping.yaw_acceleration_rps2",
+                self.shaping.yaw_acceleration_rps2,
+                self.limits.max_yaw_acceleration_rps2,
+            ),
+            ("follow.max_speed_mps", self.follow.max_speed_mps, self.limits.max_speed_mps),
+            ("follow.max_yaw_rate_rps", self.follow.max_yaw_rate_rps, self.limits.max_yaw_rate_rps),
+        )
+        for name, value, ceiling in pairs:
+            if value > ceiling:
+                raise ValueError(f"{name} {value:g} is above the gate's limit of {ceiling:g}")
