@@ -6,6 +6,7 @@ from torch import Tensor, nn
 
 from tracker.configs import NetworkConfig
 from tracker.network.backbone import Backbone
+from tracker.network.climnet import ClimNet
 from tracker.network.heads import Grader, Predictions
 
 Features = tuple[Tensor, Tensor]
@@ -18,7 +19,7 @@ class ClimRT(nn.Module):
         super().__init__()
         self.config = config
         self.backbone = Backbone(config)
-        self.internet = None
+        self.internet = ClimNet(config.climnet) if config.climnet is not None else None
         self.grader = Grader(config)
 
     def template(self, z: Tensor) -> Features:
