@@ -48,9 +48,7 @@ def cls1_loss(logits: Tensor, target: Tensor) -> Tensor:
     log_probability = functional.log_softmax(logits, 1)  # (B, 2, 11, 11)
     labels = target[:, 0]  # (B, 11, 11)
     positive, negative = labels == 1, labels == 0
-    return 0.5 * (
-        _masked_mean(-log_probability[:, 1], positive) + _masked_mean(-log_probability[:, 0], negative)
-    )
+    return 0.5 * (_masked_mean(-log_probability[:, 1], positive) + _masked_mean(-log_probability[:, 0], negative))
 
 
 def loc_loss(loc: Tensor, target: Tensor, weight: Tensor) -> Tensor:
