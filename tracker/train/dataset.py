@@ -43,7 +43,6 @@ class ComposedBatches(IterableDataset):
         self.imagery, self.recipe, self.batch, self.seed, self.middle = imagery, recipe, batch, seed, middle
 
     def __iter__(self) -> Iterator[Batch]:
-        cv2.setNumThreads(1)
         worker = get_worker_info()
         seed = (self.seed, worker.id if worker else 0)
         composer = Composer(self.imagery, np.random.SeedSequence(seed).generate_state(1)[0], self.recipe, self.middle)
@@ -55,5 +54,6 @@ def batches(
     imagery: Imagery, recipe: Recipe, batch: int, seed: int, workers: int, middle: bool = False
 ) -> Iterator[Batch]:
     """Endless batches from worker processes (0 = in this one)."""
+    cv2.setNumThreads(1)  # here, not in the worker: a forked child that inherits OpenCV's pool hangs
     data = ComposedBatches(imagery, recipe, batch, seed, middle)
     return iter(DataLoader(data, batch_size=None, num_workers=workers, prefetch_factor=6 if workers else None))
