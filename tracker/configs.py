@@ -28,9 +28,7 @@ class ClimNetConfig:
 
     def __post_init__(self) -> None:
         _require(self.stem > 0, "climnet.stem", self.stem, "positive")
-        _require(
-            len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0"
-        )
+        _require(len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0")
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,7 @@ class Backbone(nn.Module):
         self.layer1 = nn.Sequential(
             nn.Conv2d(3, c1, 11, stride=2), nn.BatchNorm2d(c1), nn.MaxPool2d(3, 2), nn.ReLU(inplace=True)
         )
-        self.layer2 = nn.Sequential(
-            nn.Conv2d(c1, c2, 5), nn.BatchNorm2d(c2), nn.MaxPool2d(3, 2), nn.ReLU(inplace=True)
-        )
+        self.layer2 = nn.Sequential(nn.Conv2d(c1, c2, 5), nn.BatchNorm2d(c2), nn.MaxPool2d(3, 2), nn.ReLU(inplace=True))
         self.layer3 = nn.Sequential(nn.Conv2d(c2, c3, 3), nn.BatchNorm2d(c3), nn.ReLU(inplace=True))
         self.layer4 = nn.Sequential(nn.Conv2d(c3, c4, 3), nn.BatchNorm2d(c4), nn.ReLU(inplace=True))
         self.layer5 = nn.Sequential(nn.Conv2d(c4, c5, 3), nn.BatchNorm2d(c5))

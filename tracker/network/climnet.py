@@ -41,9 +41,7 @@ class GhostConv(nn.Module):
         self.cheap_operation = nn.Sequential(
             nn.Conv3d(half, half, (1, 3, 3), padding=(0, 1, 1), groups=half, bias=False), nn.ReLU()
         )
-        self.temporalconv = nn.Sequential(
-            nn.Conv3d(middle, outputs, (3, 1, 1), padding=(1, 0, 0), bias=False)
-        )
+        self.temporalconv = nn.Sequential(nn.Conv3d(middle, outputs, (3, 1, 1), padding=(1, 0, 0), bias=False))
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, Cin, T, H, W) to (B, Cout, T, H/stride, W/stride)."""

@@ -76,9 +76,7 @@ class FoldedGate(nn.Module):
 
     def __init__(self, conv: nn.Conv3d) -> None:
         super().__init__()
-        self.conv = _filled(
-            nn.Conv2d(conv.in_channels, conv.out_channels, 1), conv.weight[:, :, 0], conv.bias
-        )
+        self.conv = _filled(nn.Conv2d(conv.in_channels, conv.out_channels, 1), conv.weight[:, :, 0], conv.bias)
 
     def forward(self, means: Tensor) -> Tensor:
         """(B, C, 1, 1) to factors (B, Cout, 1, 1)."""
@@ -180,15 +178,12 @@ class FoldedClimNet(nn.Module):
         self.stem_space = per_moment(encoder.stem[0])
         self.stem_time = across_moments(encoder.stem[3], (encoder.stem[3].in_channels,))
         self.stages = nn.ModuleList(
-            FoldedGSTCBlock(stage[0])
-            for stage in (encoder.layer1, encoder.layer2, encoder.layer3, encoder.layer4)
+            FoldedGSTCBlock(stage[0]) for stage in (encoder.layer1, encoder.layer2, encoder.layer3, encoder.layer4)
         )
         fusions = [FoldedMSFusion(block) for block in decoder[1:4]]
         self.decoders = nn.ModuleList([FoldedGatedConv(decoder[0], parts=1), *fusions])
         self.last = FoldedGatedConv(decoder[4], parts=2)
-        self.fuse = _filled(
-            _like(reference.feature_fuse.conv[0]), reference.feature_fuse.conv[0].weight, None
-        )
+        self.fuse = _filled(_like(reference.feature_fuse.conv[0]), reference.feature_fuse.conv[0].weight, None)
         out = reference.outconv[1]
         self.out = _filled(_like(out), out.weight, out.bias)
         self.requires_grad_(False)

@@ -74,9 +74,7 @@ class Grader(nn.Module):
         row = self.row_embed.weight[:height].T[:, :, None].expand(-1, -1, width)  # (hidden/2, H, W)
         return torch.cat([col, row])[None]  # (1, hidden, H, W)
 
-    def forward(
-        self, search: tuple[Tensor, Tensor], template: tuple[Tensor, Tensor], latent5: Tensor
-    ) -> Predictions:
+    def forward(self, search: tuple[Tensor, Tensor], template: tuple[Tensor, Tensor], latent5: Tensor) -> Predictions:
         """(layer 4, layer 5) of search patch and template, layer 5 of the latent frame, to Predictions."""
         ms4, ms5, mt5 = self.similarity(search, template, latent5)  # 3 x (B, hidden, 11, 11)
         pos = self.positions(*ms4.shape[2:])  # (1, hidden, 11, 11)
