@@ -1,0 +1,280 @@
+from __future__ import annotations
+
+import queue
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.errors import VideoError
+from gcs.video import open_source
+from gcs.video import mjpeg as mjpeg_module
+from gcs.video import opencv as opencv_module
+from gcs.video.frame import Decoded
+from gcs.video.live import LiveSource
+from gcs.video.mjpeg import jpeg_size
+from gcs.video.pyav import is_installed
+from tests.gcs.clips import SIZE, picture
+from tests.gcs.mjpeg_server import MjpegServer
+
+
+class HandFedDecoder:
+    """Gives what the test puts in; `idle` is set whenever it waits for more, so that tests need no sleep."""
+
+    fps = 30.0
+    frame_count = None
+
+    def __init__(self) -> None:
+        self.feed: queue.Queue[Decoded | VideoError | None] = queue.Queue()
+        self.idle = threading.Event()
+        self.closed = threading.Event()
+
+    def put(self, *values: int) -> None:
+        """Feed uniform pictures of these grey values, and wait until all are taken."""
+        self.idle.clear()
+        for value in values:
+            self.feed.put(Decoded(np.full((8, 8, 3), value, np.uint8)))
+        assert self.idle.wait(5.0)
+
+    def read(self) -> Decoded | None:
+        if self.feed.empty():
+            self.idle.set()
+        item = self.feed.get()
+        if isinstance(item, VideoError):
+            raise item
+        return item
+
+    def close(self) -> None:
+        self.closed.set()
+
+
+def hand_fed(first: int = 1, **options: object) -> tuple[LiveSource, HandFedDecoder]:
+    decoder = HandFedDecoder()
+    decoder.feed.put(Decoded(np.full((8, 8, 3), first, np.uint8)))
+    source = LiveSource("fed", lambda: decoder, **{"reconnect": False, **options})  # type: ignore[arg-type]
+    assert decoder.idle.wait(5.0)
+    return source, decoder
+
+
+def test_the_newest_frame_wins_and_the_gap_shows_in_seq() -> None:
+    source, decoder = hand_fed()
+    first = source.read(1.0)
+    assert first is not None
+    assert (first.seq, int(first.image_bgr[0, 0, 0])) == (0, 1)
+    decoder.put(10, 20, 30)
+    newest = source.read(1.0)
+    assert newest is not None
+    assert (newest.seq, int(newest.image_bgr[0, 0, 0])) == (3, 30)
+    assert source.read(0.0) is None  # each frame is given once
+    assert not source.ended
+    decoder.feed.put(None)
+    source.close()
+    assert decoder.closed.is_set()
+
+
+def test_frames_are_stamped_on_arrival_less_the_glass_delay() -> None:
+    times_s = iter([100.0, 100.5])
+    source, decoder = hand_fed(glass_delay_s=0.2, clock=lambda: next(times_s))
+    source.read(1.0)
+    decoder.put(2)
+    frame = source.read(1.0)
+    assert frame is not None
+    assert frame.t_arrival_s == 100.5
+    assert frame.t_capture_s == pytest.approx(100.3)
+    decoder.feed.put(None)
+    source.close()
+
+
+def test_without_reconnect_the_end_of_the_stream_wakes_the_reader() -> None:
+    source, decoder = hand_fed()
+    source.read(1.0)
+    decoder.feed.put(VideoError("fed: gone"))
+    assert source.read(5.0) is None
+    assert source.ended
+    assert source.problem == "fed: gone"
+    source.close()
+
+
+def test_a_frame_already_here_survives_the_end_of_its_stream() -> None:
+    source, decoder = hand_fed()
+    decoder.feed.put(None)
+    assert decoder.closed.wait(5.0)
+    assert source.read(5.0) is not None
+    assert source.read(5.0) is None
+    assert source.ended
+    source.close()
+
+
+def test_a_broken_stream_is_opened_again() -> None:
+    first, second = HandFedDecoder(), HandFedDecoder()
+    first.feed.put(Decoded(np.full((8, 8, 3), 1, np.uint8)))
+    openings = iter([first, VideoError("still away"), second])
+
+    def opener() -> HandFedDecoder:
+        item = next(openings)
+        if isinstance(item, VideoError):
+            raise item
+        return item
+
+    source = LiveSource("fed", opener, reconnect=True)
+    assert source.read(5.0) is not None
+    first.feed.put(None)
+    second.feed.put(Decoded(np.full((8, 8, 3), 9, np.uint8)))
+    frame = source.read(10.0)
+    assert frame is not None
+    assert (frame.seq, int(frame.image_bgr[0, 0, 0])) == (1, 9)
+    assert source.reconnects == 1
+    assert first.closed.is_set()
+    second.feed.put(None)
+    source.close()
+
+
+def test_a_changed_picture_size_is_a_broken_stream() -> None:
+    source, decoder = hand_fed()
+    source.read(1.0)
+    decoder.feed.put(Decoded(np.zeros((16, 16, 3), np.uint8)))
+    assert source.read(5.0) is None
+    assert source.problem is not None
+    assert "size changed" in source.problem
+    source.close()
+
+
+def test_opened_but_without_a_frame() -> None:
+    decoder = HandFedDecoder()
+    decoder.feed.put(None)
+    with pytest.raises(VideoError, match="no frame came"):
+        LiveSource("fed", lambda: decoder)
+    assert decoder.closed.is_set()
+
+
+@pytest.fixture(params=[True, False], ids=["with length", "without length"])
+def server(request: pytest.FixtureRequest) -> Iterator[MjpegServer]:
+    server = MjpegServer(with_length=request.param)
+    yield server
+    server.close()
+
+
+def test_mjpeg_over_a_real_socket(server: MjpegServer) -> None:
+    server.send(picture(0))
+    source = open_source(server.url.replace("http://", "http://pilot:s3cret@"), reconnect=False)
+    assert source.size == SIZE
+    assert source.is_live
+    assert "s3cret" not in source.name
+    assert server.authorization == "Basic cGlsb3Q6czNjcmV0"
+    assert source.read(5.0) is not None
+    server.send_bytes(b"\xff\xd8 not a jpeg at all \xff\xd9")
+    server.send(picture(5))
+    frame = source.read(5.0)
+    assert frame is not None
+    assert frame.seq == 1  # the broken picture was skipped
+    assert np.abs(frame.image_bgr.astype(int) - picture(5)).mean() < 8
+    server.drop()
+    source.read(5.0)
+    assert source.ended
+    source.close()
+
+
+def test_mjpeg_reconnects(server: MjpegServer) -> None:
+    server.send(picture(0))
+    source = open_source(server.url)
+    assert source.read(5.0) is not None
+    server.drop()
+    server.send(picture(1))
+    frame = source.read(10.0)
+    assert frame is not None
+    assert frame.seq == 1
+    assert server.connections == 2
+    server.drop()
+    source.close()
+
+
+def test_http_refusals_are_one_line() -> None:
+    server = MjpegServer(status=403)
+    with pytest.raises(VideoError, match="answered 403"):
+        open_source(server.url)
+    server.close()
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{free.getsockname()[1]}/video"
+        with pytest.raises(VideoError, match="refused"):
+            open_source(url)
+
+
+def test_a_silent_server_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mjpeg_module, "OPEN_TIMEOUT_S", 0.2)
+    server = MjpegServer()
+    with pytest.raises(VideoError, match="silent"):
+        open_source(server.url)
+    server.close()
+
+
+@pytest.mark.parametrize("backend", ["opencv", "pyav"])
+def test_a_silent_udp_port_times_out(monkeypatch: pytest.MonkeyPatch, backend: str) -> None:
+    if backend == "pyav" and not is_installed():
+        pytest.skip("PyAV is an optional extra")
+    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: backend == "pyav")
+    monkeypatch.setattr("gcs.video.pyav.OPEN_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(opencv_module, "OPEN_TIMEOUT_S", 0.3)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(VideoError, match=f"udp://127.0.0.1:{port}"):
+        open_source(f"udp://127.0.0.1:{port}")
+
+
+def test_the_size_is_known_before_decoding() -> None:
+    import cv2
+
+    data = cv2.imencode(".jpg", picture(0))[1].tobytes()
+    assert jpeg_size(data) == SIZE
+    assert jpeg_size(b"GIF89a") is None
+    bomb = data.replace(SIZE[1].to_bytes(2, "big") + SIZE[0].to_bytes(2, "big"), b"\xff\xf0\xff\xf0", 1)
+    assert jpeg_size(bomb) == (0xFFF0, 0xFFF0)
+    server = MjpegServer()
+    server.send_bytes(bomb)
+    with pytest.raises(VideoError, match="65520x65520 px"):
+        open_source(server.url)
+    server.close()
+
+
+@pytest.mark.skipif(not is_installed(), reason="sending a stream needs PyAV")
+@pytest.mark.parametrize("backend", ["opencv", "pyav"])
+def test_mpegts_over_udp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, backend: str) -> None:
+    import av
+
+    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: backend == "pyav")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        url = f"udp://127.0.0.1:{probe.getsockname()[1]}"
+    stop = threading.Event()
+
+    def send() -> None:
+        output = av.open(f"{url}?pkt_size=1316", "w", format="mpegts")
+        stream = output.add_stream("mpeg2video", rate=25)
+        stream.width, stream.height, stream.pix_fmt, stream.gop_size = *SIZE, "yuv420p", 5
+        index = 0
+        while not stop.wait(0.01):
+            frame = av.VideoFrame.from_ndarray(picture(index % 40), format="bgr24")
+            for packet in stream.encode(frame):
+                output.mux(packet)
+            index += 1
+        output.close()
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
+        source = open_source(url, reconnect=False)
+        seqs = []
+        for _ in range(5):
+            frame = source.read(5.0)
+            assert frame is not None
+            seqs.append(frame.seq)
+        assert seqs == sorted(set(seqs))
+        assert source.size == SIZE
+        source.close()  # while the sender still sends: our thread ends at the next frame
+    finally:
+        stop.set()
+        sender.join()
