@@ -62,7 +62,7 @@ def index_first(path: Path) -> Path:
         size = int.from_bytes(data[at : at + 4], "big")
         atoms.append((data[at + 4 : at + 8], data[at : at + size]))
         at += size
-    parts = {kind: body for kind, body in atoms}
+    parts = dict(atoms)
     moov = _shifted(parts[b"moov"], len(parts[b"moov"]))
     head = b"".join(body for kind, body in atoms if kind not in (b"moov", b"mdat"))
     # Offsets count from the file's start: everything before mdat but moov stays where it was.

@@ -24,7 +24,7 @@ class MjpegServer:
             def log_message(self, *args: object) -> None:
                 pass
 
-            def do_GET(self) -> None:  # noqa: N802
+            def do_GET(self) -> None:
                 outer.connections += 1
                 outer.authorization = self.headers.get("Authorization")
                 self.send_response(status)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import VideoError
-from gcs.video import open_source
 from gcs.video import mjpeg as mjpeg_module
+from gcs.video import open_source
 from gcs.video import opencv as opencv_module
 from gcs.video.frame import Decoded
 from gcs.video.live import LiveSource
