@@ -1,0 +1,55 @@
+# Everything happens in .venv; no target needs more than Python 3.11 and pip.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+OUT ?= out/demo
+
+.PHONY: help setup demo test check bench coverage lock wheel-test clean
+
+help:
+	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
+	@echo "make test    run the tests"
+	@echo "make check   ruff, mypy, import-linter, codespell"
+	@echo "make bench   measure speed and memory, side by side in one run"
+	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/gcs demo --out $(OUT)
+
+test: $(STAMP)
+	$(BIN)/pytest
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/codespell
+
+bench: $(STAMP)
+	$(BIN)/gcs bench
+
+coverage: $(STAMP)
+	$(BIN)/coverage run --branch --include='control/gate.py,control/engagement.py' -m pytest tests/control tests/property
+	$(BIN)/coverage report --fail-under=100
+
+# Pins every package to what is installed now; the next set-up elsewhere is identical.
+lock: $(STAMP)
+	$(BIN)/pip freeze --exclude-editable | sed 's/+cpu$$//' | grep -v '^climrt-gcs' > constraints.txt
+
+wheel-test: $(STAMP)
+	rm -rf dist build/wheel-test && $(BIN)/python -m build --wheel --outdir dist
+	$(PYTHON) -m venv build/wheel-test
+	build/wheel-test/bin/pip install --disable-pip-version-check -q -c constraints.txt dist/*.whl
+	cd / && $(CURDIR)/build/wheel-test/bin/gcs demo --seconds 20 --out $(CURDIR)/build/wheel-test/demo
+
+clean:
+	rm -rf $(VENV) build dist out
