@@ -95,7 +95,8 @@ class TrackerConfig:
     exemplar_px, search_px: sides of the template and search patches fed to the network.
     context_frac: context added round the object, in mean sides. grid_cells, grid_stride_px: the score grid.
     penalty_k, window_influence, size_rate: scale-change penalty, Hann window weight, size smoothing rate.
-    cls1_weight, cls2_weight: of the two classification branches in the score.
+    cls1_weight, cls2_weight: of the two classification branches in the score. cls2_is_logit: the second
+    branch enters the score as a raw logit (the authors' tracker), or as a probability.
     min_size_px: floor of the tracked box's sides in the frame; huge_frac: above this part of the frame's
     area the first frame's crop size is used.
     latent, latent_interval: provider of the latent frame, and how many frames back (1..5) its other
@@ -112,6 +113,7 @@ class TrackerConfig:
     size_rate: float = 0.30
     cls1_weight: float = 0.8
     cls2_weight: float = 0.9
+    cls2_is_logit: bool = True
     min_size_px: float = 10.0
     huge_frac: float = 0.5
     latent: LatentProvider = LatentProvider.PREVIOUS

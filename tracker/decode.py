@@ -78,8 +78,8 @@ def _scores(cls1: Array, cls2: Array, config: TrackerConfig) -> Array:
     background, target = cls1.reshape(2, -1)
     with np.errstate(over="ignore"):  # a huge background logit is rightly probability 0
         probability = 1 / (1 + np.exp(background - target))  # softmax of two
-    # The second branch enters as a raw logit, as in the authors' tracker.
-    return np.asarray(0.5 * (config.cls1_weight * probability + config.cls2_weight * cls2.reshape(-1)))
+        closeness = cls2.reshape(-1) if config.cls2_is_logit else 1 / (1 + np.exp(-cls2.reshape(-1)))
+    return np.asarray(0.5 * (config.cls1_weight * probability + config.cls2_weight * closeness))
 
 
 def _penalties(w: Array, h: Array, old_w: float, old_h: float, strength: float) -> Array:
