@@ -1,0 +1,38 @@
+"""What differs between autopilots, as data: mode numbers and the streams to ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from control.types import VehicleMode
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A telemetry message and how often it is wanted."""
+
+    message_id: int
+    rate_hz: float
+
+
+class Autopilot(Protocol):
+    """One autopilot's personality; pure, no I/O."""
+
+    @property
+    def name(self) -> str:
+        """For messages to people."""
+        ...
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """Everything to request by SET_MESSAGE_INTERVAL; nothing may be taken for granted."""
+        ...
+
+    def mode_of(self, custom_mode: int) -> VehicleMode:
+        """Meaning of HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode; OTHER if not one we know."""
+        ...
+
+    def mode_params(self, mode: VehicleMode) -> tuple[float, float]:
+        """(param2, param3) of MAV_CMD_DO_SET_MODE for EXTERNAL or HOLD; ValueError for any other."""
+        ...

@@ -1,0 +1,57 @@
+"""PX4: custom_mode = main << 16 | sub << 24 (px4_custom_mode.h); OFFBOARD is the external mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from control.types import VehicleMode
+from gcs.autopilot import Stream
+from gcs.framing import dialect
+
+MAIN_AUTO, MAIN_OFFBOARD = 4, 6
+_MAIN_BY_PILOT = frozenset({1, 2, 3, 5, 7, 8})  # MANUAL ALTCTL POSCTL ACRO STABILIZED RATTITUDE
+_AUTO = {
+    2: VehicleMode.TAKEOFF,
+    3: VehicleMode.HOLD,
+    5: VehicleMode.RETURN,
+    6: VehicleMode.LAND,
+    9: VehicleMode.LAND,  # precision landing
+    10: VehicleMode.TAKEOFF,  # VTOL
+}
+_SET_MODE = {VehicleMode.EXTERNAL: (6.0, 0.0), VehicleMode.HOLD: (4.0, 3.0)}
+
+STREAMS = (
+    Stream(dialect.MAVLINK_MSG_ID_ATTITUDE, 50.0),
+    Stream(dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20.0),
+    Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 10.0),
+    # PX4's heartbeat comes once a second and not on a mode change: this is how one is seen in time.
+    Stream(dialect.MAVLINK_MSG_ID_CURRENT_MODE, 20.0),
+    Stream(dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+    Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 5.0),
+    Stream(dialect.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
+    Stream(dialect.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
+    Stream(dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.5),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Px4:
+    """The PX4 personality."""
+
+    name: str = "PX4"
+    streams: tuple[Stream, ...] = STREAMS
+
+    def mode_of(self, custom_mode: int) -> VehicleMode:
+        """VehicleMode of main and sub mode."""
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        if main == MAIN_OFFBOARD:
+            return VehicleMode.EXTERNAL
+        if main == MAIN_AUTO:
+            return _AUTO.get(sub, VehicleMode.OTHER)
+        return VehicleMode.MANUAL if main in _MAIN_BY_PILOT else VehicleMode.OTHER
+
+    def mode_params(self, mode: VehicleMode) -> tuple[float, float]:
+        """OFFBOARD 6/0, AUTO_LOITER 4/3."""
+        if mode not in _SET_MODE:
+            raise ValueError(f"PX4 is never put into {mode.value} by this station")
+        return _SET_MODE[mode]
