@@ -1,0 +1,7 @@
+"""A vehicle that speaks MAVLink like PX4 or ArduCopter, without any I/O of its own."""
+
+from sitl_mocks.vehicle.core import Faults, MockVehicle, Pose
+from sitl_mocks.vehicle.modes import Landed, Mode, Personality, Result
+from sitl_mocks.vehicle.telemetry import Home
+
+__all__ = ["Faults", "Home", "Landed", "MockVehicle", "Mode", "Personality", "Pose", "Result"]
