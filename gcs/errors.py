@@ -27,3 +27,8 @@ class WireError(GcsError):
 
 class VehicleError(GcsError):
     """The vehicle did not answer in time, or refused what it was asked (with its own reason)."""
+
+
+def one_line(text: object) -> str:
+    """For the terminal: the first 500 characters, with line breaks and control characters made harmless."""
+    return "".join(c if c.isprintable() else " " for c in str(text)[:500]).strip()
