@@ -65,7 +65,12 @@ class Run:
         self.optimizer = self._optimizer()
 
     def _optimizer(self) -> torch.optim.AdamW:
-        return make_optimizer(self.config.stages[self.stage_index], self.config, self.network, self.response)
+        return make_optimizer(
+            self.config.stages[min(self.stage_index, len(self.config.stages) - 1)],
+            self.config,
+            self.network,
+            self.response,
+        )
 
     # -- keeping -------------------------------------------------------------------------------------
 
@@ -91,7 +96,7 @@ class Run:
             self.average.load_state_dict(state["average"])
             self.response.load_state_dict(state["response"])
             index, self.stage_step, self.stage_s, self.samples, self.best = state["position"]
-            self.stage_index = min(int(index), len(self.config.stages) - 1)
+            self.stage_index = int(index)
             self.optimizer = self._optimizer()
             self.optimizer.load_state_dict(state["optimizer"])
         except (KeyError, RuntimeError, ValueError) as error:

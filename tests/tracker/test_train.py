@@ -1,0 +1,114 @@
+"""The training loop learns, stops, and goes on from where it was."""
+
+import csv
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.tracker.packs import write_pack
+from tracker.configs import COMPACT
+from tracker.train.cli import train
+from tracker.train.config import StageKind, TrainConfig, TrainConfigError
+from tracker.train.loop import Run
+from tracker.train.siamese import SiameseResponse, response_labels, siamese_loss
+
+SHORT = {
+    "packs": ["pack"],
+    "stages": [
+        {"kind": "backbone", "minutes": 1, "steps": 2, "batch": 4},
+        {"kind": "joint", "minutes": 1, "steps": 3, "batch": 4},
+    ],
+    "workers": 0,
+    "validation_samples": 32,
+    "warmup_steps": 1,
+}
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    write_pack(tmp_path / "pack")
+    records = (tmp_path / "pack" / "pack.json").read_text()
+    write_pack(tmp_path / "pack")  # half of the pictures are held out
+    (tmp_path / "pack" / "pack.json").write_text(records.replace('"split": "train"', '"split": "val"', 2))
+    return tmp_path
+
+
+def test_a_whole_schedule_leaves_a_checkpoint_a_log_and_the_best(data: Path) -> None:
+    lines: list[str] = []
+    assert train(SHORT, data, data / "run", 5.0, False, lines.append)
+    assert (data / "run" / "last.pt").exists()
+    assert (data / "run" / "best.pt").exists()
+    rows = list(csv.DictReader((data / "run" / "log.csv").open()))
+    assert rows[-1]["stage"] == "validation"
+    assert 0 <= float(rows[-1]["mean_iou"]) <= 1
+
+
+def test_out_of_time_stops_and_resume_goes_on(data: Path) -> None:
+    said: list[str] = []
+    assert not train(SHORT, data, data / "run", 0.0, False, said.append)  # one step, then the time is up
+    assert train(SHORT, data, data / "run", 5.0, True, said.append)
+    assert any("going on from" in line for line in said)
+    steps = len((data / "run" / "log.csv").read_text().splitlines())
+    assert train(SHORT, data, data / "run", 5.0, True, said.append)  # done is done
+    assert len((data / "run" / "log.csv").read_text().splitlines()) == steps
+
+
+def test_a_checkpoint_carries_everything(data: Path) -> None:
+    config = TrainConfig.from_dict(SHORT)
+    run = Run(config, data / "run", "cpu", lambda _: None)
+    run.samples, run.stage_index, run.stage_step = 77, 1, 5
+    run.optimizer = run._optimizer()
+    run.save("last.pt")
+    other = Run(config, data / "other", "cpu", lambda _: None)
+    with torch.no_grad():
+        other.network.grader.cls2.weight.zero_()
+    other.resume(data / "run" / "last.pt")
+    assert (other.samples, other.stage_index, other.stage_step) == (77, 1, 5)
+    assert torch.equal(other.network.grader.cls2.weight, run.network.grader.cls2.weight)
+
+
+def test_foreign_checkpoint_is_refused_in_one_line(data: Path) -> None:
+    torch.save({"network": {}}, data / "foreign.pt")
+    run = Run(TrainConfig.from_dict(SHORT), data / "run", "cpu", lambda _: None)
+    with pytest.raises(ValueError, match="not a checkpoint of this run"):
+        run.resume(data / "foreign.pt")
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [({"speed": 1}, "speed"), ({"network": "huge"}, "huge"), ({"stages": [{"kind": "x", "minutes": 1}]}, "stages")],
+)
+def test_configuration_errors_name_the_key(values: dict, word: str) -> None:
+    with pytest.raises(TrainConfigError, match=word):
+        TrainConfig.from_dict(values)
+
+
+def test_configuration_survives_json() -> None:
+    config = TrainConfig.from_dict(SHORT)
+    assert TrainConfig.from_dict(config.to_dict()) == config
+    assert config.stages[1].kind is StageKind.JOINT
+
+
+def test_response_labels_peak_at_the_box() -> None:
+    labels = response_labels(torch.tensor([[143 + 16.0, 143 - 40.0, 143 + 32.0, 143 - 24.0]]))
+    assert labels[0, 10 - 4, 10 + 3] == 1
+    assert labels[0, 10, 10] == 0
+    assert 5 < labels.sum() < 15
+
+
+def test_siamese_loss_falls_as_the_peak_rises() -> None:
+    box, there = torch.tensor([[135.0, 135, 151, 151]] * 2), torch.ones(2)
+    flat = torch.zeros(2, 2, 2, 21, 21)
+    peaked = torch.full_like(flat, -4.0)
+    for i in range(2):
+        peaked[:, i, i, 9:12, 9:12] = 4.0
+    assert siamese_loss(peaked, box, there, 0.2) < 0.3 * siamese_loss(flat, box, there, 0.2)
+
+
+def test_response_relates_every_search_to_every_template() -> None:
+    response = SiameseResponse(COMPACT.backbone_channels[3:])
+    c4, c5 = COMPACT.backbone_channels[3:]
+    search = torch.randn(3, c4, 28, 28), torch.randn(3, c5, 26, 26)
+    template = torch.randn(3, c4, 8, 8), torch.randn(3, c5, 6, 6)
+    assert response(search, template).shape == (2, 3, 3, 21, 21)
