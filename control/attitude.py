@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left, bisect_right
 
 Angles = tuple[float, float, float]
+_RATE_SPAN_S = 0.03
 
 
 def wrap_pi(angle_rad: float) -> float:
@@ -18,7 +19,7 @@ class AttitudeBuffer:
     """Roll, pitch, yaw (rad, FRD body against NED) over time, newest `capacity` samples.
 
     Interpolates each angle the short way round. Beyond the newest sample it extrapolates for at most
-    max_ahead_s at the rate of the last two samples; inside a gap longer than max_gap_s it knows nothing.
+    max_ahead_s at the newest samples' rate; inside a gap longer than max_gap_s it knows nothing.
     """
 
     def __init__(self, capacity: int = 512, max_ahead_s: float = 0.1, max_gap_s: float = 0.5) -> None:
@@ -46,15 +47,24 @@ class AttitudeBuffer:
         times = self._times_s
         if not times or not math.isfinite(t_s) or t_s < times[0] or t_s - times[-1] > self._max_ahead_s:
             return None
-        if len(times) == 1:
-            return self._angles[0]
-        right = min(bisect_right(times, t_s), len(times) - 1)
+        if t_s >= times[-1]:
+            return self._ahead(t_s)
+        right = bisect_right(times, t_s)
         start_s, end_s = times[right - 1], times[right]
         if t_s == start_s:
             return self._angles[right - 1]
         if end_s - start_s > self._max_gap_s:
-            return self._angles[right] if t_s >= end_s else None
+            return None
         return _blend(self._angles[right - 1], self._angles[right], (t_s - start_s) / (end_s - start_s))
+
+    def _ahead(self, t_s: float) -> Angles:
+        """The newest sample carried on at its rate; over a shorter span the rate would be mostly jitter."""
+        newest_s = self._times_s[-1]
+        left = bisect_right(self._times_s, newest_s - _RATE_SPAN_S) - 1
+        if left < 0 or newest_s - self._times_s[left] > self._max_gap_s:
+            return self._angles[-1]
+        span_s = newest_s - self._times_s[left]
+        return _blend(self._angles[left], self._angles[-1], 1 + (t_s - newest_s) / span_s)
 
     def rate_hz(self, now_s: float, window_s: float = 2.0) -> float:
         """Samples per second within the last window_s."""

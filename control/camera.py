@@ -25,7 +25,7 @@ _MAX_LOG_SIZE, _MIN_LOG_SIZE = 3.0, -12.0
 
 @dataclass(frozen=True, slots=True)
 class CameraModel:
-    """A pinhole camera (px) with OpenCV distortion (k1, k2, p1, p2, k3) and its mount (roll, pitch, yaw; rad).
+    """A pinhole camera (px), OpenCV distortion (k1, k2, p1, p2, k3) and its mount (roll, pitch, yaw; rad).
 
     ValueError names what is out of range. With a gimbal, replace mount_rpy_rad for each frame.
     """
@@ -142,7 +142,7 @@ def line_of_sight_ned(
 def project(
     camera: CameraModel, direction_ned: Array, roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> tuple[float, float] | None:
-    """Pixel (u, v) of a direction (3,) in NED, which may lie outside the picture; None if behind the camera."""
+    """Pixel (u, v) of a direction (3,) in NED, maybe outside the picture; None if behind the camera."""
     x, y, z = _ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad)).T @ np.asarray(direction_ned, float)
     if z <= 1e-6 * math.hypot(x, y, z) or not math.isfinite(z):
         return None

@@ -28,9 +28,9 @@ class EstimatorConfig:
     """Noise of the target filter: what the target may do, and how well a box of full confidence is placed."""
 
     # Power spectral density of the angular acceleration is its square times one second.
-    bearing_acceleration_rps2: float = _ranged(0.01, 0.35, 5.0)
+    bearing_acceleration_rps2: float = _ranged(0.01, 0.5, 5.0)
     elevation_acceleration_rps2: float = _ranged(0.01, 0.15, 5.0)
-    log_size_acceleration_ps2: float = _ranged(0.01, 0.15, 5.0)
+    log_size_acceleration_ps2: float = _ranged(0.01, 0.12, 5.0)
     bearing_std_rad: float = _ranged(0.0002, 0.005, 0.2)
     log_size_std: float = _ranged(0.002, 0.04, 1.0)
     initial_bearing_rate_std_rps: float = _ranged(0.01, 0.5, 5.0)
@@ -48,12 +48,13 @@ class EstimatorConfig:
 class FollowConfig:
     """Gains and limits of the follow laws."""
 
-    yaw_gain_ps: float = _ranged(0.1, 1.3, 5.0)
+    yaw_gain_ps: float = _ranged(0.1, 2.5, 5.0)
     yaw_lag_s: float = _ranged(0.0, 0.3, 1.0)  # of the vehicle's yaw-rate loop, answered ahead of time
-    feed_forward_std_rps: float = _ranged(0.01, 0.4, 5.0)  # std of the bearing rate at which half is left
-    range_gain_ps: float = _ranged(0.05, 0.5, 2.0)
-    target_velocity_gain: float = _ranged(0.0, 0.9, 1.0)  # how far the vehicle moves along with the target
-    target_velocity_std_mps: float = _ranged(0.1, 3.0, 20.0)  # std of it at which half is left
+    feed_forward_std_rps: float = _ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
+    range_gain_ps: float = _ranged(0.05, 0.35, 2.0)
+    target_velocity_gain: float = _ranged(0.0, 0.95, 1.0)  # how far the vehicle moves along with the target
+    target_velocity_std_mps: float = _ranged(0.1, 10.0, 20.0)  # std of it at which half is left
+    rate_lag_s: float = _ranged(0.0, 0.6, 2.0)  # how late the filter's rates are, for matching own velocity
     height_gain_ps: float = _ranged(0.05, 0.8, 2.0)
     station_gain_ps: float = _ranged(0.05, 0.5, 2.0)  # spotlight holds its place
     max_station_speed_mps: float = _ranged(0.1, 2.0, 5.0)

@@ -1,0 +1,175 @@
+"""Where the target is: a Kalman filter on the line of sight and the logarithm of the apparent size.
+
+State (azimuth, its rate, elevation, its rate, log size, its rate), constant rates, process noise from white
+acceleration, so that predicting twice is the same as predicting once for the sum of the times.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import astuple, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control.attitude import wrap_pi
+from control.config import EstimatorConfig
+from control.types import BearingMeasurement, TargetState
+
+Array = NDArray[np.float64]
+
+_OBSERVE: Array = np.eye(6)[::2]  # (3, 6): azimuth, elevation, log size
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """The filter just after one measurement: what a late one rewinds to."""
+
+    measurement: BearingMeasurement
+    x: Array  # (6,)
+    p: Array  # (6, 6)
+    accepted: bool
+    rejections: int
+    confidence: float
+    measured_t_s: float
+
+
+def transition(dt_s: float) -> Array:
+    """(6, 6) constant-rate transition over dt_s."""
+    f = np.eye(6)
+    f[0, 1] = f[2, 3] = f[4, 5] = dt_s
+    return f
+
+
+def process_noise(dt_s: float, config: EstimatorConfig) -> Array:
+    """(6, 6) covariance that white acceleration adds over dt_s (continuous white noise model)."""
+    block = np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    q = np.zeros((6, 6))
+    for at, acceleration in (
+        (0, config.bearing_acceleration_rps2),
+        (2, config.elevation_acceleration_rps2),
+        (4, config.log_size_acceleration_ps2),
+    ):
+        q[at : at + 2, at : at + 2] = acceleration**2 * block
+    return q
+
+
+def measurement_noise(confidence: float, config: EstimatorConfig) -> Array:
+    """(3, 3) covariance; standard deviations grow as 1 / confidence, a weak score slows rather than switches."""
+    weak = 1.0 / min(max(confidence, config.confidence_floor), 1.0)
+    std = np.array([config.bearing_std_rad, config.bearing_std_rad, config.log_size_std]) * weak
+    return np.diag(std**2)
+
+
+class TargetEstimator:
+    """The filter with its gate, unwrapping, and a short history into which late measurements are sorted."""
+
+    def __init__(self, config: EstimatorConfig | None = None) -> None:
+        # Here, because filterpy takes scipy with it: a second and more that `import control` must not cost.
+        from filterpy.kalman import KalmanFilter
+
+        self._config = config or EstimatorConfig()
+        self._kalman: Any = KalmanFilter(dim_x=6, dim_z=3)
+        self._kalman.H = _OBSERVE
+        self._steps: list[_Step] = []
+
+    def reset(self) -> None:
+        """Forget the target."""
+        self._steps.clear()
+
+    @property
+    def rejections_in_a_row(self) -> int:
+        """Measurements refused by the gate since the last accepted one."""
+        return self._steps[-1].rejections if self._steps else 0
+
+    def update(self, measurement: BearingMeasurement) -> bool:
+        """Fuse at its own capture time; whether it was accepted.
+
+        Refused without counting as a rejection: not finite, confidence below the floor, a capture time
+        already fused, or older than the history. Refused and counted: outside the innovation gate.
+        """
+        if not all(map(math.isfinite, astuple(measurement))):
+            return False
+        if measurement.confidence < self._config.confidence_floor:
+            return False
+        if not self._steps:
+            self._steps.append(self._first(measurement))
+            return True
+        at = bisect_right(self._steps, measurement.t_capture_s, key=lambda s: s.measurement.t_capture_s)
+        if at == 0 or self._steps[at - 1].measurement.t_capture_s == measurement.t_capture_s:
+            return False
+        later = [step.measurement for step in self._steps[at:]]
+        del self._steps[at:]
+        for each in (measurement, *later):
+            self._steps.append(self._next(self._steps[-1], each))
+        accepted = self._steps[at].accepted
+        self._forget_old()
+        return accepted
+
+    def predict(self, t_s: float) -> TargetState | None:
+        """The target at any moment since the history began, in the future too; the filter stays as it is.
+
+        None before the first measurement.
+        """
+        at = bisect_right(self._steps, t_s, key=lambda s: s.measurement.t_capture_s) - 1
+        if at < 0 or not math.isfinite(t_s):
+            return None
+        step = self._steps[at]
+        dt_s = t_s - step.measurement.t_capture_s
+        f = transition(dt_s)
+        x = f @ step.x
+        std = np.sqrt(np.diag(f @ step.p @ f.T + process_noise(dt_s, self._config)))
+        return TargetState(
+            t_s=t_s,
+            azimuth_rad=wrap_pi(float(x[0])),
+            azimuth_rate_rps=float(x[1]),
+            elevation_rad=float(x[2]),
+            elevation_rate_rps=float(x[3]),
+            log_size=float(x[4]),
+            log_size_rate_ps=float(x[5]),
+            azimuth_std_rad=float(std[0]),
+            azimuth_rate_std_rps=float(std[1]),
+            log_size_std=float(std[4]),
+            confidence=step.confidence,
+            measured_t_s=step.measured_t_s,
+            rejections_in_a_row=step.rejections,
+            elevation_std_rad=float(std[2]),
+            log_size_rate_std_ps=float(std[5]),
+        )
+
+    def _first(self, m: BearingMeasurement) -> _Step:
+        x = np.array([m.azimuth_rad, 0.0, m.elevation_rad, 0.0, m.log_size, 0.0])
+        rates = self._config.initial_bearing_rate_std_rps, self._config.initial_log_size_rate_std_ps
+        p = np.zeros((6, 6))
+        p[::2, ::2] = measurement_noise(m.confidence, self._config)
+        p[1, 1] = p[3, 3] = rates[0] ** 2
+        p[5, 5] = rates[1] ** 2
+        return _Step(m, x, p, True, 0, m.confidence, m.t_capture_s)
+
+    def _next(self, step: _Step, m: BearingMeasurement) -> _Step:
+        kalman, config = self._kalman, self._config
+        dt_s = m.t_capture_s - step.measurement.t_capture_s
+        kalman.x, kalman.P = step.x.copy(), step.p.copy()
+        kalman.predict(F=transition(dt_s), Q=process_noise(dt_s, config))
+        azimuth_rad = kalman.x[0] + wrap_pi(m.azimuth_rad - kalman.x[0])
+        z = np.array([azimuth_rad, m.elevation_rad, m.log_size])
+        r = measurement_noise(m.confidence, config)
+        innovation = z - _OBSERVE @ kalman.x
+        surprise = innovation @ np.linalg.solve(_OBSERVE @ kalman.P @ _OBSERVE.T + r, innovation)
+        if not surprise <= config.gate_chi2:
+            p = _symmetric(kalman.P)
+            return _Step(m, kalman.x, p, False, step.rejections + 1, step.confidence, step.measured_t_s)
+        kalman.update(z, R=r)
+        return _Step(m, kalman.x, _symmetric(kalman.P), True, 0, m.confidence, m.t_capture_s)
+
+    def _forget_old(self) -> None:
+        oldest_s = self._steps[-1].measurement.t_capture_s - self._config.history_s
+        while len(self._steps) > 1 and self._steps[1].measurement.t_capture_s <= oldest_s:
+            del self._steps[0]
+
+
+def _symmetric(p: Array) -> Array:
+    half: Array = (p + p.T) / 2
+    return half

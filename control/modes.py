@@ -1,0 +1,84 @@
+"""The ways of following, and what is remembered at the moment the operator confirms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from control.config import FollowConfig
+from control.types import TargetState, Vec3, VehicleState
+
+
+class FollowMode(Enum):
+    """What the vehicle does once a follow is confirmed."""
+
+    SPOTLIGHT = "spotlight"  # the nose keeps the target centred, the vehicle keeps its place
+    FOLLOW = "follow"  # and distance and height are held while the target moves
+
+
+class ConfirmError(ValueError):
+    """The follow cannot be confirmed; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """What holds from the moment of confirmation on.
+
+    range_m: slant range to the target when it had log_size. standoff_m: ground distance to hold.
+    """
+
+    mode: FollowMode
+    t_s: float
+    log_size: float
+    range_m: float
+    standoff_m: float
+    height_m: float
+    position_ned_m: Vec3
+
+
+def ground_distance_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
+    """From height above home and depression, for a target on level ground; None where that says nothing."""
+    depression_rad = -target.elevation_rad
+    if not (depression_rad >= config.min_depression_rad and vehicle.height_m > 0):
+        return None
+    return vehicle.height_m / math.tan(depression_rad)
+
+
+def confirm(
+    mode: FollowMode,
+    target: TargetState,
+    vehicle: VehicleState,
+    now_s: float,
+    config: FollowConfig,
+    *,
+    distance_m: float | None = None,
+    standoff_m: float | None = None,
+) -> Confirmation:
+    """What to remember of this moment. ConfirmError where the distance is unknown or not allowed.
+
+    distance_m: the ground distance now, typed by the operator; otherwise it comes from height and depression.
+    standoff_m: the ground distance to hold, otherwise the present one. Spotlight needs neither.
+    """
+    distance = distance_m if distance_m is not None else ground_distance_m(target, vehicle, config)
+    if distance is None:
+        if mode is FollowMode.FOLLOW:
+            raise ConfirmError("distance unknown: the target is not clearly below the horizon; type a distance")
+        distance = config.max_distance_m
+    standoff = standoff_m if standoff_m is not None else distance
+    if mode is FollowMode.FOLLOW:
+        for name, value in (("distance", distance), ("standoff", standoff)):
+            if not config.min_distance_m * 1.2 <= value <= config.max_distance_m:
+                raise ConfirmError(
+                    f"{name} must be from {config.min_distance_m * 1.2:g} to {config.max_distance_m:g} m, "
+                    f"not {value:.1f} m"
+                )
+    return Confirmation(
+        mode=mode,
+        t_s=now_s,
+        log_size=target.log_size,
+        range_m=distance / max(math.cos(target.elevation_rad), 0.1),
+        standoff_m=standoff,
+        height_m=vehicle.height_m,
+        position_ned_m=vehicle.position_ned_m,
+    )
