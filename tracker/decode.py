@@ -33,6 +33,7 @@ class Decoded:
     ranks: Array
 
 
+@np.errstate(all="ignore")  # unusable cells divide by zero and so on; they are sorted out at the end
 def decode(
     loc: ArrayLike,
     cls1: ArrayLike,
@@ -49,8 +50,7 @@ def decode(
     """
     offsets = decode_offsets(np.asarray(loc, np.float64), config)
     scores = _scores(np.asarray(cls1, np.float64), np.asarray(cls2, np.float64), config)
-    with np.errstate(all="ignore"):  # unusable cells may divide by zero; they are sorted out below
-        penalties = _penalties(offsets[2], offsets[3], old.w_px * scale, old.h_px * scale, config.penalty_k)
+    penalties = _penalties(offsets[2], offsets[3], old.w_px * scale, old.h_px * scale, config.penalty_k)
     window = config.window_influence
     ranks = penalties * scores * (1 - window) + _hann(config.grid_cells) * window
     usable = np.isfinite(ranks) & np.isfinite(offsets).all(0) & (offsets[2:] > 0).all(0)
@@ -76,9 +76,8 @@ def decode_offsets(loc: Array, config: TrackerConfig) -> Array:
 
 def _scores(cls1: Array, cls2: Array, config: TrackerConfig) -> Array:
     background, target = cls1.reshape(2, -1)
-    with np.errstate(over="ignore"):  # a huge background logit is rightly probability 0
-        probability = 1 / (1 + np.exp(background - target))  # softmax of two
-        closeness = cls2.reshape(-1) if config.cls2_is_logit else 1 / (1 + np.exp(-cls2.reshape(-1)))
+    probability = 1 / (1 + np.exp(background - target))  # softmax of two
+    closeness = cls2.reshape(-1) if config.cls2_is_logit else 1 / (1 + np.exp(-cls2.reshape(-1)))
     return np.asarray(0.5 * (config.cls1_weight * probability + config.cls2_weight * closeness))
 
 

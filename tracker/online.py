@@ -12,7 +12,7 @@ from tracker.configs import TrackerConfig
 from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, crop, mean_colour
 from tracker.decode import Decoded, decode
 from tracker.latent import latent_source
-from tracker.network.climrt import ClimRT
+from tracker.network.climrt import ClimRT, Features
 from tracker.network.inference import for_inference
 
 MIN_INIT_SIDE_PX = 4.0
@@ -56,7 +56,7 @@ class ClimRTTracker:
         self._network = for_inference(network)
         self._device = next(network.parameters()).device
         self._latent = latent_source(self._network, config)
-        self._template: tuple[Tensor, Tensor] | None = None
+        self._template: Features | None = None
         self._box = Box(0.0, 0.0, 0.0, 0.0)
         self._first_side_px = 0
         self._fill: Colour = (0, 0, 0)
@@ -83,18 +83,20 @@ class ClimRTTracker:
     def update(self, frame_bgr: Image) -> TrackResult:
         """The object's box in the next frame. Raises NotInitialisedError, or ValueError for a bad frame."""
         check_frame(frame_bgr)
-        decoded = self._step(frame_bgr)
+        if self._template is None:
+            raise NotInitialisedError("update before init: give init a frame and a box first")
+        decoded = self._step(frame_bgr, self._template)
         self._box = decoded.box
         return TrackResult(decoded.box, decoded.score, self._confidence.update(decoded.score))
 
-    def _step(self, frame_bgr: Image) -> Decoded:
+    def _step(self, frame_bgr: Image, template: Features) -> Decoded:
         config = self.config
         frame_h, frame_w = frame_bgr.shape[:2]
         template_side_px = self._template_side_px(frame_w * frame_h)
         scale = config.exemplar_px / template_side_px
         side_px = round(template_side_px * config.search_px / config.exemplar_px)
         patch = crop(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
-        loc, cls1, cls2 = self._predict(self._tensor(patch))
+        loc, cls1, cls2 = self._predict(self._tensor(patch), template)
         return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config)
 
     def _template_side_px(self, frame_area: int) -> float:
@@ -105,12 +107,10 @@ class ClimRTTracker:
         return context_side_px(box.w_px, box.h_px, self.config.context_frac)
 
     @torch.inference_mode()
-    def _predict(self, patch: Tensor) -> list[Tensor]:
-        if self._template is None:
-            raise NotInitialisedError("update before init: give init a frame and a box first")
+    def _predict(self, patch: Tensor, template: Features) -> list[Tensor]:
         features = self._network.features(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
         latent5 = self._latent.latent5(patch, features[1])  # (1, c5, 26, 26)
-        return [maps[0].cpu() for maps in self._network.heads(features, self._template, latent5)]
+        return [maps[0].cpu() for maps in self._network.heads(features, template, latent5)]
 
     def _tensor(self, patch: Image) -> Tensor:
         """(S, S, 3) uint8 to (1, 3, S, S) float 0..255; stays channels-last in memory, as the network's."""

@@ -105,7 +105,7 @@ def read_manifest(path: str | Path) -> Manifest:
         raise WeightsError(f"{path}: its manifest {source.name} is missing beside it") from None
     except (OSError, ValueError) as error:
         raise WeightsError(f"{source}: cannot be read as JSON: {error}") from error
-    if not isinstance(values, dict) or values.get("format") != FORMAT:
+    if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
         raise WeightsError(f"{source}: is not a {FORMAT} manifest")
     try:
         return Manifest(

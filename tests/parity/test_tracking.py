@@ -16,7 +16,7 @@ from tracker.box import Box
 from tracker.configs import COMPACT, LatentProvider, TrackerConfig
 from tracker.crop import Image, crop, mean_colour
 from tracker.decode import Decoded, decode
-from tracker.network.climrt import ClimRT
+from tracker.network.climrt import ClimRT, Features
 from tracker.online import ClimRTTracker
 
 Data = Mapping[str, NDArray[np.generic]]
@@ -38,7 +38,7 @@ class Scripted(ClimRTTracker):
         super().__init__(ClimRT(COMPACT), TrackerConfig())
         self.maps = [torch.from_numpy(np.asarray(m)) for m in maps]
 
-    def _predict(self, patch: torch.Tensor) -> list[torch.Tensor]:
+    def _predict(self, patch: torch.Tensor, template: Features) -> list[torch.Tensor]:
         return self.maps
 
 

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from tracker.box import Box
+from tracker.configs import LatentProvider, TrackerConfig
+from tracker.crop import Image
+from tracker.network.climrt import ClimRT, Features
+from tracker.online import ClimRTTracker, Confidence, NotInitialisedError
+
+
+def frame(t: int) -> Image:
+    """A light square that moves over dark noise."""
+    image = np.random.default_rng(1).integers(0, 60, (120, 160, 3), dtype=np.uint8)
+    image[40 : 40 + 24, 30 + 3 * t : 30 + 3 * t + 24] = (40, 180, 250)
+    return image
+
+
+START = Box.from_xywh(30, 40, 24, 24)
+
+
+@pytest.mark.parametrize("provider", LatentProvider)
+def test_runs_on_a_moving_square(tiny: ClimRT, provider: LatentProvider) -> None:
+    tracker = ClimRTTracker(tiny, TrackerConfig(latent=provider, latent_interval=2))
+    tracker.init(frame(0), START)
+    for t in range(1, 4):
+        result = tracker.update(frame(t))
+        assert result.box.is_valid
+        assert math.isfinite(result.score)
+        assert 0 <= result.confidence <= 1
+
+
+def test_a_new_init_forgets_everything(tiny: ClimRT) -> None:
+    tracker = ClimRTTracker(tiny, TrackerConfig())
+    runs = []
+    for _ in range(2):
+        tracker.init(frame(0), START)
+        runs.append([tracker.update(frame(t)) for t in range(1, 4)])
+    assert runs[0] == runs[1]
+
+
+def test_latent_provider_matters_from_the_second_frame(tiny: ClimRT) -> None:
+    results = []
+    for provider in (LatentProvider.PREVIOUS, LatentProvider.OFF):
+        tracker = ClimRTTracker(tiny, TrackerConfig(latent=provider))
+        tracker.init(frame(0), START)
+        results.append([tracker.update(frame(t)) for t in (1, 5)])
+    assert results[0][0] == results[1][0]  # the first patch has no predecessor
+    assert results[0][1] != results[1][1]
+
+
+def test_bad_input_is_refused_and_leaves_the_track(tiny: ClimRT) -> None:
+    tracker = ClimRTTracker(tiny, TrackerConfig())
+    with pytest.raises(NotInitialisedError, match="update before init"):
+        tracker.update(frame(0))
+    tracker.init(frame(0), START)
+    with pytest.raises(ValueError, match="too small"):
+        tracker.init(frame(0), Box(50, 50, 1, 1))
+    with pytest.raises(ValueError, match="float32"):
+        tracker.update(frame(1).astype(np.float32))
+    again = ClimRTTracker(tiny, TrackerConfig())
+    again.init(frame(0), START)
+    assert tracker.update(frame(1)) == again.update(frame(1))
+
+
+def test_a_network_gone_wild_keeps_the_box(tiny: ClimRT) -> None:
+    class Wild(ClimRTTracker):
+        def _predict(self, patch: torch.Tensor, template: Features) -> list[torch.Tensor]:
+            return [torch.full_like(maps, math.nan) for maps in super()._predict(patch, template)]
+
+    tracker = Wild(tiny, TrackerConfig())
+    tracker.init(frame(0), START)
+    result = tracker.update(frame(1))
+    assert (result.box, result.score, result.confidence) == (START, 0.0, 0.0)
+
+
+def test_confidence_is_relative_to_the_start() -> None:
+    confidence = Confidence()
+    assert confidence.update(0.8) == 1.0
+    for _ in range(9):
+        confidence.update(0.8)
+    assert confidence.update(0.4) == pytest.approx(0.5)
+    assert confidence.update(5.0) == 1.0
+    for score in (0.0, -3.0, math.nan):
+        assert confidence.update(score) == 0.0
+    assert confidence.update(0.2) == pytest.approx(0.25)  # the reference has not moved
