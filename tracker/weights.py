@@ -152,11 +152,12 @@ def load_tracker(
     name_or_path: str | Path = "compact",
     *,
     latent: LatentProvider | None = None,
+    latent_interval: int | None = None,
     threads: int | None = None,
 ) -> ClimRTTracker:
     """A tracker ready for init: shipped weights by name ("compact"), or a .safetensors file by path.
 
-    latent: overrides the manifest's provider. threads: CPU threads for PyTorch. Raises WeightsError, and
+    latent, latent_interval: override the manifest's. threads: CPU threads for PyTorch. Raises WeightsError, and
     ConfigError for latent = climnet with weights that hold no ClimNet.
     """
     path = Path(name_or_path)
@@ -168,6 +169,8 @@ def load_tracker(
         path = shipped
     manifest = read_manifest(path)
     config = manifest.tracker if latent is None else replace(manifest.tracker, latent=latent)
+    if latent_interval is not None:
+        config = replace(config, latent_interval=latent_interval)
     return ClimRTTracker(load_network(path), config, threads=threads)
 
 
