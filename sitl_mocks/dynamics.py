@@ -51,7 +51,7 @@ class Airframe:
 
 PX4 = Airframe(
     horizontal=Response(0.09, 1.70, 8.97, 9.0, 37.0),
-    vertical=Response(0.05, 4.5, 30.0, 5.6, 60.0),
+    vertical=Response(0.05, 4.1, 30.0, 6.5, 60.0),
     yaw=Response(0.04, 2.2, 40.0, math.radians(320), math.inf),
     yaw_angle_wn_rps=3.2,
     yaw_angle_zeta=0.68,

@@ -116,7 +116,7 @@ class ArduPilot(Autopilot):
 
     def watch(self, now_s: float) -> None:
         """Failsafes and timers, once a tick."""
-        if not self.ready and now_s >= self.ready_after_s:
+        if not self.ready and now_s >= self.ready_t_s:
             self.ready = True
             self.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         if self.setpoint_age_s(now_s) > self.params["GUID_TIMEOUT"]:

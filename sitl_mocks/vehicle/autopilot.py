@@ -47,6 +47,7 @@ class Autopilot(ABC):
     failsafe: Failsafe | None = None
     failsafe_t_s: float = 0.0
     ready: bool = False
+    ready_t_s: float = float("inf")
     setpoint_t_s: float | None = None
     gcs_heartbeat_t_s: float | None = None
     gcs_lost: bool = False
@@ -85,6 +86,11 @@ class Autopilot(ABC):
     @abstractmethod
     def bad_setpoint(self, error: BadSetpointError) -> None:
         """What is said about a setpoint that is not taken."""
+
+    def boot(self, now_s: float) -> None:
+        """Power on at now_s; arming is possible ready_after_s later."""
+        self.ready_t_s = now_s + self.ready_after_s
+        self.ready = self.ready or self.ready_after_s <= 0.0
 
     def say(self, severity: Severity, text: str) -> None:
         """Queue a STATUSTEXT."""

@@ -63,7 +63,7 @@ class MockVehicle:
     """PX4 or ArduCopter as seen on the wire. Call `step` often (100-200 Hz), `receive` for each datagram.
 
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
-    rates_hz: replaces the default streams (message id to Hz). ready_after_s: arming is refused before.
+    rates_hz: replaces the default streams (message id to Hz). ready_after_s: arming is refused that long after the first step.
     Raises ValueError for an unknown personality or parameter, or a height that is not positive.
     """
 
@@ -122,26 +122,24 @@ class MockVehicle:
 
     def step(self, now_s: float) -> list[bytes]:
         """Advance to now_s (s, any monotonic clock) and return the datagrams to be sent."""
-        if self._start_s is None:
-            self._start_s = now_s
+        self._boot(now_s)
         if self.faults.frozen:
             self._was_frozen = True
             return []
         if self._was_frozen or now_s - self._now_s > MAX_CATCH_UP_S:
             self._was_frozen = False
-            self._ticks = max(self._ticks, math.floor((now_s - self._start_s) / TICK_S))
+            self._ticks = max(self._ticks, math.floor((now_s - self._boot_s) / TICK_S))
         waiting, self._waiting = self._waiting, []
         for datagram in waiting:
             self._dispatch(datagram, now_s)
-        while self._start_s + (self._ticks + 1) * TICK_S <= now_s + 1e-9:
+        while self._now_s + TICK_S <= now_s + 1e-9:
             self._ticks += 1
             self._tick(self._now_s)
         return self.outbox.flush(now_s, self.faults.drop_downlink)
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take one datagram that arrived at now_s; returns what the vehicle answers at once."""
-        if self._start_s is None:
-            self._start_s = now_s
+        self._boot(now_s)
         lost = self.faults.drop_uplink > 0.0 and self._random.random() < self.faults.drop_uplink
         if lost:
             return []
@@ -152,9 +150,18 @@ class MockVehicle:
         self._announce(now_s)
         return self.outbox.flush(now_s, self.faults.drop_downlink)
 
+    def _boot(self, now_s: float) -> None:
+        if self._start_s is None:
+            self._start_s = now_s
+            self.autopilot.boot(now_s)
+
     @property
     def _now_s(self) -> float:
-        return (self._start_s or 0.0) + self._ticks * TICK_S
+        return self._boot_s + self._ticks * TICK_S
+
+    @property
+    def _boot_s(self) -> float:
+        return 0.0 if self._start_s is None else self._start_s
 
     def _dispatch(self, datagram: bytes, now_s: float) -> None:
         for message in decode_datagram(datagram):
@@ -186,7 +193,7 @@ class MockVehicle:
 
     def view(self, now_s: float) -> View:
         """The state the telemetry messages are built from."""
-        boot_s = now_s - (self._start_s or 0.0)
+        boot_s = now_s - self._boot_s
         gps_ok = not self.faults.gps_lost
         return View(self.autopilot, self.home, boot_s, self.battery_frac, gps_ok, _UNIX_START_S + boot_s)
 

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
 _PARAM_SPACING_S = 0.001
-# Real streams of both autopilots that this vehicle accepts to stream but has no contents for.
-_STREAMS_WITHOUT_CONTENT = frozenset({27, 29, 36, 42, 62, 65, 105, 116, 132, 241})
+# Real streams of the autopilots that this vehicle accepts to stream but has no contents for.
+_STREAMS_WITHOUT_CONTENT = {
+    Personality.PX4: frozenset({29, 36, 42, 62, 65, 105, 132, 241}),
+    Personality.ARDUPILOT: frozenset({26, 27, 29, 36, 42, 62, 65, 105, 116, 132, 193, 241}),
+}
 # Measured on PX4: accepted, but the message does not come.
 _PX4_NEVER_COMES = frozenset({300, 397})
 
@@ -96,7 +99,7 @@ class Dispatcher:
     def _set_interval(self, params: Sequence[float], now_s: float) -> Result:
         number, interval_us = (-1 if not math.isfinite(p) else round(p) for p in params[:2])
         fixed = self._px4 and number == HEARTBEAT
-        if number in _STREAMS_WITHOUT_CONTENT:
+        if number in _STREAMS_WITHOUT_CONTENT[self._vehicle.personality]:
             return Result.ACCEPTED
         if fixed or number == AUTOPILOT_VERSION or number not in BUILDERS:
             if self._px4:

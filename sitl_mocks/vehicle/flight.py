@@ -160,7 +160,9 @@ class Flight:
 
     def _toward_height(self, height_m: float, limit_mps: float) -> float:
         """Climb rate (up positive) that ends at the height."""
-        return max(-limit_mps, min(limit_mps, 1.5 * (height_m + 0.05 - self.height_m)))
+        error_m = height_m + 0.05 - self.height_m
+        braking_mps = math.sqrt(self.body.airframe.vertical.accel_max * abs(error_m))
+        return math.copysign(min(limit_mps, 1.2 * abs(error_m), braking_mps), error_m)
 
     def _descent_mps(self, speeds: Speeds) -> float:
         return speeds.land_mps if self.height_m < speeds.land_slow_below_m else speeds.land_high_mps

@@ -134,7 +134,7 @@ class Px4(Autopilot):
 
     def watch(self, now_s: float) -> None:
         """Failsafes and timers, once a tick."""
-        self.ready = now_s >= self.ready_after_s
+        self.ready = self.ready or now_s >= self.ready_t_s
         self._watch_setpoints(now_s)
         self._watch_data_link(now_s)
         self._watch_fence(now_s)
