@@ -148,7 +148,7 @@ def _require(condition: bool, field: str, value: object, wanted: str) -> None:
         raise ConfigError(f"{field} = {value!r}: must be {wanted}")
 
 
-# The paper's network: 43 M parameters (6.0 M of the tracker's heads, 3.7 M backbone, 33 M ClimNet).
+# The paper's network: 42.7 M parameters, 6.4 GMAC a frame and 172 more where ClimNet draws the latent frame.
 FULL = NetworkConfig(
     name="full",
     backbone_channels=(96, 256, 384, 384, 256),
@@ -160,7 +160,7 @@ FULL = NetworkConfig(
     legacy_layout=True,
 )
 
-# The same network narrowed until it runs in real time on two CPU cores.
+# The same network narrowed for CPUs: 3.4 M parameters, 0.74 GMAC a frame and 11.6 more with ClimNet.
 COMPACT = NetworkConfig(
     name="compact",
     backbone_channels=(32, 64, 96, 96, 96),

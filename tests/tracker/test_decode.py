@@ -80,6 +80,14 @@ def test_rate_is_clipped_only_on_request() -> None:
     assert clipped.box.w_px == pytest.approx(60)
 
 
+def test_second_branch_as_a_probability() -> None:
+    loc, cls1, cls2 = steady_maps()
+    cls2[0, 5, 5] = 20.0
+    decoded = decode(loc, cls1, cls2, OLD, 1.0, FRAME, replace(CONFIG, cls2_is_logit=False))
+    assert decoded.score == pytest.approx(0.5 * (0.8 * 0.5 + 0.9), abs=1e-6)
+    assert decoded.scores.min() > 0
+
+
 def test_maps_are_not_changed() -> None:
     maps = steady_maps()
     maps[0][:, 0, 0] = 3

@@ -108,7 +108,7 @@ def test_network_configuration_round_trip(config: NetworkConfig) -> None:
     assert NetworkConfig.from_dict(config.to_dict()) == config
 
 
-@pytest.mark.parametrize("change", [{"hidden": None}, {"widht": 3}, {"climnet": 5}, {"climnet": {"stem": 3}}])
+@pytest.mark.parametrize("change", [{"hidden": None}, {"colour": 3}, {"climnet": 5}, {"climnet": {"stem": 3}}])
 def test_malformed_network_configuration(change: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
         NetworkConfig.from_dict(COMPACT.to_dict() | change)
