@@ -24,6 +24,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         self._chosen = peer is not None
         self._transport: Any = None  # the stubs of asyncio.DatagramTransport lack get_write_buffer_size
         self._closed = asyncio.get_running_loop().create_future()
+        self._heard = False
         self.last_error = ""
 
     @classmethod
@@ -64,7 +65,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         """What has been heard."""
         if self.last_error:
             return self.last_error
-        return "nobody has sent anything" if self._peer is None else f"peer {self._peer[0]}:{self._peer[1]}"
+        return "bytes have been heard" if self._heard else "nobody has sent anything"
 
     @property
     def connections(self) -> int:
@@ -81,8 +82,8 @@ class UdpTransport(asyncio.DatagramProtocol):
             self._closed.set_result(None)
 
     def error_received(self, exc: Exception) -> None:
-        """asyncio: the system reports a failed send, such as nobody listening at the peer's port."""
-        self.last_error = str(exc)
+        """asyncio: the system reports a failed send, such as no route to the peer."""
+        self.last_error = getattr(exc, "strerror", None) or str(exc)
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
         """asyncio hands over one datagram per turn of the loop; the rest of the backlog is taken here.
@@ -101,7 +102,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         peer = (str(addr[0]), int(addr[1]))
         if not self._chosen:
             self._peer = peer
-        self.last_error = ""
+        self._heard, self.last_error = True, ""
         self._received(data, peer)
 
     def send(self, data: bytes) -> bool:

@@ -87,8 +87,13 @@ class MavsdkLink:
             raise VehicleError("the connection to the vehicle is closed")
         future = self._loop.run_in_executor(self._executor, function, *args)
         self._pending.add(future)
-        future.add_done_callback(self._pending.discard)
+        future.add_done_callback(self._ended)
         return await asyncio.shield(future)
+
+    def _ended(self, future: asyncio.Future[Any]) -> None:
+        self._pending.discard(future)
+        if not future.cancelled():
+            future.exception()  # retrieved, so that asyncio does not complain of a call nobody waits for any more
 
     async def close(self) -> None:
         """Stop feeding, wait for calls under way, destroy once. Idempotent."""

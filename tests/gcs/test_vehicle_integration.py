@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import math
 import time
 from collections.abc import AsyncIterator
@@ -15,6 +16,7 @@ from pymavlink.dialects.v20 import development as mav
 from control.gate import Limits, Reason, gate
 from control.types import Vec3, VehicleMode, VelocityRequest
 from gcs.autopilot.actions import VehicleActions
+from gcs.autopilot.mavsdk_link import MavsdkLink
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import MonotonicClock
 from gcs.errors import VehicleError
@@ -262,6 +264,35 @@ async def test_close_is_final_and_waits_for_calls():
         await s.actions.close()
         feeding = s.wire.frames.good
         await eventually(lambda: s.wire.frames.good > feeding + 5)  # the wire goes on, nothing is fed
+
+
+async def test_a_cancelled_order_is_waited_for_and_leaves_no_complaint(caplog):
+    async with session("px4") as s:
+        asking = asyncio.create_task(s.actions.get_param("NO_SUCH"))
+        await asyncio.sleep(0.1)
+        asking.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await asking
+        t_s = time.monotonic()
+        await s.actions.close()
+        assert time.monotonic() - t_s > 1.0  # the call, which ends by itself after 3 s, was not cut off
+    gc.collect()
+    assert caplog.records == []
+
+
+async def test_wait_ready_and_attach_say_what_is_missing():
+    async with session("px4") as s:
+        s.mock.faults.drop_downlink = 1.0
+        second = MavsdkLink(s.wire, CLOCK)
+        with pytest.raises(VehicleError, match="MAVSDK found no autopilot"):
+            await second.system(0.2)
+        await second.close()
+        s.mock.faults.refuse[22] = Result.DENIED
+        s.mock.faults.drop_downlink = 0.0
+        await s.actions.wait_ready(20.0)
+        await s.actions.arm()
+        with pytest.raises(VehicleError, match="refused “take off”: COMMAND_DENIED"):
+            await s.actions.takeoff(3.0)
 
 
 async def test_takeoff_height_must_make_sense():

@@ -279,6 +279,26 @@ async def test_udpout_speaks_first():
             await wire.close()
 
 
+async def test_failed_send_says_so_and_is_forgotten_when_something_is_heard():
+    port = free_port()
+    wire, peer = await Wire.open(f"udpin://127.0.0.1:{port}"), Peer(port)
+    try:
+        wire._transport.error_received(OSError(101, "Network is unreachable"))
+        with pytest.raises(VehicleError, match="Network is unreachable$"):
+            await wire.wait_vehicle(0.05)
+        peer.send(heartbeat())
+        await wire.wait_vehicle(5.0)
+        assert wire._transport.status == "bytes have been heard"
+    finally:
+        await wire.close()
+        peer.close()
+
+
+async def test_unknown_host_is_one_clear_error():
+    with pytest.raises(WireError, match="unknown host"):
+        await Wire.open("udpout://no-such-host.invalid:14550")
+
+
 async def test_tcpout_waits_for_its_peer_and_comes_back(monkeypatch):
     monkeypatch.setattr(transport_stream, "backoff_s", lambda: iter([0.01] * 1000))
     port = free_port(socket.SOCK_STREAM)
