@@ -284,7 +284,7 @@ async def test_failed_send_says_so_and_is_forgotten_when_something_is_heard():
     wire, peer = await Wire.open(f"udpin://127.0.0.1:{port}"), Peer(port)
     try:
         wire._transport.error_received(OSError(101, "Network is unreachable"))
-        with pytest.raises(VehicleError, match="Network is unreachable$"):
+        with pytest.raises(VehicleError, match=r"Network is unreachable$"):
             await wire.wait_vehicle(0.05)
         peer.send(heartbeat())
         await wire.wait_vehicle(5.0)
