@@ -63,7 +63,8 @@ class MockVehicle:
     """PX4 or ArduCopter as seen on the wire. Call `step` often (100-200 Hz), `receive` for each datagram.
 
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
-    rates_hz: replaces the default streams (message id to Hz). ready_after_s: arming is refused that long after the first step.
+    rates_hz: replaces the default streams (message id to Hz). ready_after_s: arming is refused that long after
+    the first step.
     Raises ValueError for an unknown personality or parameter, or a height that is not positive.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from typing import cast
@@ -11,6 +12,7 @@ from sitl_mocks.vehicle.core import MockVehicle
 
 Observer = Callable[[bytes, float], None]
 _STEP_S = 0.005
+_PARTNER_SILENCE_S = 3.0
 
 
 class _Socket(asyncio.DatagramProtocol):
@@ -20,6 +22,7 @@ class _Socket(asyncio.DatagramProtocol):
         self._vehicle = vehicle
         self._remote = remote
         self._observe = observe
+        self._heard_s = -math.inf
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -27,11 +30,17 @@ class _Socket(asyncio.DatagramProtocol):
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._remote = addr[:2]  # a station may answer from another port than the one we started with
         now_s = time.monotonic()
+        self._learn(addr[:2], now_s)
         if self._observe is not None:
             self._observe(data, now_s)
         self.send(self._vehicle.receive(data, now_s))
+
+    def _learn(self, sender: tuple[str, int], now_s: float) -> None:
+        """Telemetry follows the first station that writes, another one only after that has been silent."""
+        if sender != self._remote and now_s - self._heard_s < _PARTNER_SILENCE_S:
+            return
+        self._remote, self._heard_s = sender, now_s
 
     def error_received(self, exc: Exception) -> None:
         """Nobody listens yet: a vehicle keeps sending all the same."""
@@ -52,7 +61,8 @@ async def run_udp(
     on_step: Callable[[float], None] | None = None,
     step_s: float = _STEP_S,
 ) -> None:
-    """Fly until cancelled: sends to `remote` from `local` (port 0 = any) and answers whoever wrote last.
+    """Fly until cancelled: sends to `remote` from `local` (port 0 = any) and then to the station that
+    answers, if that is another port.
 
     observe(datagram, now_s) sees every datagram before the vehicle does, on_step(now_s) each step: there a
     WireMonitor is fed. Times are time.monotonic().

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from sitl_mocks.vehicle import MockVehicle, Mode, Result
@@ -41,7 +43,7 @@ def test_partial_loss_shows_in_the_sequence_numbers() -> None:
     start = len(bench.inbox)
     bench.run(5.0)
     numbers = [m.get_seq() for _, m in bench.inbox[start:]]
-    lost = sum((b - a - 1) % 256 for a, b in zip(numbers, numbers[1:], strict=False))
+    lost = sum((b - a - 1) % 256 for a, b in itertools.pairwise(numbers))
     assert lost / (lost + len(numbers)) == pytest.approx(0.2, abs=0.04)
 
 
