@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
 
 from gcs.errors import VideoError
 from gcs.video import pyav
-from gcs.video.frame import MAX_AREA_PX, Decoder, VideoSource, redact
+from gcs.video.frame import Decoder, VideoSource, redact
 from gcs.video.live import LiveSource
 from gcs.video.mjpeg import MjpegDecoder, NotMjpegError
 from gcs.video.opencv import CvDecoder
 from gcs.video.recorded import FolderDecoder, RecordedSource
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "udp", "rtp", "tcp", "srt", "http", "https"})
-
-
-def limit_picture_size() -> None:
-    """Make OpenCV refuse picture bombs before it allocates; only works before cv2 is first imported."""
-    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_AREA_PX))
 
 
 def open_source(

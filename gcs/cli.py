@@ -1,0 +1,194 @@
+"""`gcs`: the command line. Arguments only; each command imports what it needs when it runs.
+
+So `gcs --help` answers at once: neither PyTorch, OpenCV nor MAVSDK is imported for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import logging
+import os
+import sys
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from typing import NoReturn, TypeAlias
+
+from gcs.errors import GcsError, one_line
+
+EXIT_USAGE = 2
+EXIT_FAULT = 1
+EXIT_INTERRUPTED = 130
+# The libraries raise ValueErrors of their own for bad input; a plain ValueError is a fault of ours.
+LIBRARIES = ("tracker", "control", "sitl_mocks", "gcs")
+
+
+class Parser(argparse.ArgumentParser):
+    """Misuse is one line, not a page."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 our fault, 2 bad input, 130 interrupted."""
+    args = build_parser().parse_args(argv)
+    debug = bool(getattr(args, "debug", False))
+    logging.basicConfig(level=logging.INFO if debug else logging.WARNING, format="gcs: %(message)s")
+    # A picture bomb is refused before memory is taken for it; OpenCV reads this when it is first imported.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(4096 * 2160))
+    try:
+        handler: Callable[[argparse.Namespace], int] = _load(args.handler)
+        return handler(args)
+    except KeyboardInterrupt:
+        print("gcs: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # `gcs ... | head`: nobody reads on; keep the interpreter from complaining at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_FAULT
+    except Exception as error:
+        if debug:
+            raise
+        text, status = describe(error)
+        print(f"gcs: {text}", file=sys.stderr)
+        return status
+
+
+def describe(error: Exception) -> tuple[str, int]:
+    """One line for the user, and the exit status."""
+    if isinstance(error, GcsError):
+        return one_line(error), error.exit_code
+    ours = type(error).__module__.split(".")[0] in LIBRARIES
+    if isinstance(error, ValueError) and ours:
+        return one_line(error), EXIT_USAGE
+    if isinstance(error, OSError) and error.filename is not None:
+        return one_line(f"{error.filename}: {error.strerror or error}"), EXIT_USAGE
+    kind = type(error).__name__
+    return one_line(f"internal fault, {kind}: {error}; --debug shows where"), EXIT_FAULT
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """All commands and their arguments."""
+    common = Parser(add_help=False)
+    common.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
+    parser = Parser(
+        prog="gcs",
+        description="Ground control station that tracks one object with ClimRT and follows it over MAVLink.",
+        parents=[common],
+    )
+    parser.add_argument("--version", action="version", version=_version())
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    _add_run(commands, common)
+    _add_dry_run(commands, common)
+    _add_demo(commands, common)
+    _add_weights(commands, common)
+    _add_bench(commands, common)
+    _add_config(commands, common)
+    return parser
+
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def _add_run(commands: Commands, common: Parser) -> None:
+    text = "fly: video and vehicle, a box, a confirmation, follow"
+    p = commands.add_parser("run", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.app:main")
+    p.add_argument("--video", metavar="URL", help="stream, camera:N or file")
+    p.add_argument("--vehicle", metavar="URL", help="udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/X:BAUD")
+    p.add_argument("--config", metavar="FILE", help="configuration (YAML); `gcs config` prints one with every key")
+    p.add_argument("--box", metavar="x,y,w,h", help="select this at the start; moves nothing")
+    p.add_argument("--autopilot", choices=("auto", "px4", "ardupilot"), help="default: what its heartbeat says")
+    p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
+    p.add_argument("--out", metavar="DIR", help="where the recording goes")
+
+
+def _add_dry_run(commands: Commands, common: Parser) -> None:
+    text = "a video through the whole chain, with no vehicle and no link"
+    p = commands.add_parser("dry-run", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_dryrun:main")
+    p.add_argument("video", nargs="?", metavar="VIDEO", help="file, image folder, stream or camera:N")
+    p.add_argument("--sample", nargs="?", const="", metavar="NAME", help="a recorded sequence that ships with gcs")
+    p.add_argument("--box", metavar="x,y,w,h", help="target in the first frame, px")
+    p.add_argument("--select", action="store_true", help="draw the box on the first frame in a window")
+    p.add_argument("--boxes", metavar="FILE", help="ground truth (x,y,w,h per frame) to score against")
+    p.add_argument("--telemetry", metavar="FILE", help="attitude recorded with the video (JSON lines)")
+    p.add_argument("--weights", metavar="NAME|FILE", help="default: compact")
+    p.add_argument("--config", metavar="FILE", help="configuration (YAML)")
+    p.add_argument("--out", metavar="DIR", help="where the results go (default: out/dry-run)")
+    p.add_argument("--seconds", type=float, metavar="S", help="stop after this much video")
+    p.add_argument("--no-video", action="store_true", help="write no annotated.mp4")
+    p.add_argument("--json", action="store_true", help="the summary as one JSON line on stdout")
+
+
+def _add_demo(commands: Commands, common: Parser) -> None:
+    text = "a closed-loop flight of a mocked vehicle in a rendered world"
+    p = commands.add_parser("demo", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.demo:main")
+    p.add_argument("--seconds", type=float, metavar="N", help="length of the flight")
+    p.add_argument("--out", metavar="DIR", help="where video and report go")
+    p.add_argument("--scenario", metavar="NAME", help="what the target does")
+    p.add_argument("--seed", type=int, metavar="N", help="of the world")
+    p.add_argument("--personality", choices=("px4", "ardupilot"), help="which autopilot the mock plays")
+    p.add_argument("--json", action="store_true", help="the result as one JSON line on stdout")
+
+
+def _add_weights(commands: Commands, common: Parser) -> None:
+    text = "import, inspect or train the tracker's weights"
+    actions = commands.add_parser("weights", help=text, description=text, parents=[common]).add_subparsers(
+        metavar="ACTION", required=True, parser_class=Parser
+    )
+    p = actions.add_parser("import", help="convert a checkpoint of the authors", parents=[common])
+    p.set_defaults(handler="gcs.cli_weights:import_weights")
+    p.add_argument("checkpoint", metavar="FILE", help="t_best.pth, model_best.pth or alexnet-bn.pth")
+    p.add_argument("--out", metavar="FILE", required=True, help="the .safetensors file to write")
+    p.add_argument("--network", default="full", metavar="NAME", help="full or compact (default: full)")
+    p = actions.add_parser("info", help="what a weights file holds; checks it", parents=[common])
+    p.set_defaults(handler="gcs.cli_weights:info")
+    p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE")
+    p = actions.add_parser("train", help="train from packs of pictures", parents=[common])
+    p.set_defaults(handler="gcs.cli_weights:train")
+    p.add_argument("settings", metavar="FILE", help="training settings (YAML)")
+    p.add_argument("--data", metavar="DIR", required=True, help="folder with the packs")
+    p.add_argument("--out", metavar="DIR", required=True, help="folder for checkpoints and weights")
+    p.add_argument("--minutes", type=float, default=float("inf"), metavar="M", help="stop after this time")
+    p.add_argument("--resume", action="store_true", help="go on from the last checkpoint in --out")
+
+
+def _add_bench(commands: Commands, common: Parser) -> None:
+    text = "measure speed here, or score tracking on sequences"
+    bench = commands.add_parser("bench", help=text, description=text, parents=[common])
+    bench.set_defaults(handler="gcs.cli_bench:speed")
+    bench.add_argument("--json", action="store_true", help="one JSON line")
+    kinds = bench.add_subparsers(metavar="KIND", parser_class=Parser)
+    p = kinds.add_parser("track", help="one-pass evaluation on a folder of sequences", parents=[common])
+    p.set_defaults(handler="gcs.cli_bench:track")
+    p.add_argument("dataset", metavar="DATASET", help="folder with index.json, or videos beside .txt boxes")
+    p.add_argument("--weights", default="compact", metavar="NAME|FILE")
+    p.add_argument("--results", metavar="DIR", help="write the boxes there")
+    p.add_argument("--json", action="store_true", help="one JSON line per sequence")
+
+
+def _add_config(commands: Commands, common: Parser) -> None:
+    text = "print a configuration with every key, or check a file"
+    p = commands.add_parser("config", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_config:main")
+    p.add_argument("file", nargs="?", metavar="FILE", help="check this file instead")
+
+
+def _load(name: str) -> Callable[[argparse.Namespace], int]:
+    module, _, function = name.partition(":")
+    handler: Callable[[argparse.Namespace], int] = getattr(importlib.import_module(module), function)
+    return handler
+
+
+def _version() -> str:
+    try:
+        return f"gcs {version('climrt-gcs')}"
+    except PackageNotFoundError:
+        return "gcs (not installed)"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,294 @@
+"""The dry run: a recorded or live video through the whole chain of a flight, and nothing to send it to.
+
+No wire is built or imported: recorded video can never arm or move anything.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from control.camera import CameraModel
+from control.engagement import State
+from gcs.config import Config
+from gcs.config import TrackerConfig as TrackerChoice
+from gcs.dryrun_output import (
+    AnnotatedVideo,
+    Summary,
+    Tally,
+    Truth,
+    accuracy_of,
+    prepare_folder,
+    write_results,
+)
+from gcs.errors import SelectionError, VideoError
+from gcs.hud import Overlay, Tone, draw
+from gcs.messages import MessageLog
+from gcs.poses import RecordedPoses
+from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick, View
+from gcs.selection import check_box, draw_box
+from gcs.tracking import BoxTracker, make_tracker
+from gcs.video import Frame, VideoSource, open_source
+from tracker.box import Box, TrackResult
+from tracker.eval.sequences import read_boxes
+
+SILENCE_S = 5.0
+LIVE_FPS = 20.0
+MIN_TRUTH_SIDE_PX = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What to run dry. box, else the first row of `truth`, else `select` (draw it in a window).
+
+    camera: overrides the configuration's lens. limit_s: stop after this much video time.
+    """
+
+    video: str
+    out: Path
+    config: Config
+    box: Box | None = None
+    truth: Path | None = None
+    telemetry: Path | None = None
+    camera: CameraModel | None = None
+    select: bool = False
+    limit_s: float | None = None
+    annotate: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """Log record of one frame. Times: as in gcs.video.Frame; box x, y, w, h in px."""
+
+    t_capture_s: float
+    t_arrival_s: float
+    box_xywh: tuple[float, float, float, float]
+    score: float | None
+    confidence: float
+    track_s: float
+
+
+Progress = Callable[[int, int | None], None]
+
+
+def run(
+    options: Options,
+    *,
+    tracker_factory: Callable[[TrackerChoice], BoxTracker] = make_tracker,
+    progress: Progress = lambda done, total: None,
+) -> Summary:
+    """Run to the end of the video, the limit, or Ctrl-C; results are in options.out.
+
+    A video that breaks on the way gives a Summary with `problem`. Raises GcsError or a ValueError of the
+    tracker, one line each, when there is nothing to run.
+    """
+    poses = RecordedPoses.load(options.telemetry) if options.telemetry else None
+    truth = read_boxes(options.truth) if options.truth else None
+    source = open_source(
+        options.video,
+        glass_delay_s=options.config.camera.glass_delay_s,
+        fps=options.config.video.fps,
+        reconnect=False,
+    )
+    try:
+        first = source.read(SILENCE_S)
+        if first is None:
+            raise VideoError(source.problem or f"{source.name}: no frame within {SILENCE_S:.0f} s")
+        box = _first_box(options, truth, first, source.size)
+        camera = options.camera or options.config.camera.model(*source.size)
+        tracker = tracker_factory(options.config.tracker)
+        tracker.init(first.image_bgr, box)
+        dry_run = _DryRun(options, source, tracker, camera, poses)
+        return dry_run.run(first, box, truth, progress)
+    finally:
+        source.close()
+
+
+class _DryRun:
+    """One run's parts and counts."""
+
+    def __init__(
+        self,
+        options: Options,
+        source: VideoSource,
+        tracker: BoxTracker,
+        camera: CameraModel,
+        poses: RecordedPoses | None,
+    ) -> None:
+        self._options = options
+        self._source = source
+        self._tracker = tracker
+        self._poses = poses
+        self._rehearsal = Rehearsal(camera, options.config)
+        self._tally = Tally()
+        self._out = prepare_folder(options.out)
+        self._video = None
+        if options.annotate:
+            path = self._out / "annotated.mp4"
+            self._video = AnnotatedVideo(path, source.size, source.fps or LIVE_FPS)
+        limit_bytes = int(options.config.recorder.size_limit_mb * 1e6)
+        self._log = MessageLog(self._out / "messages.jsonl", wait_when_full=True, size_limit_bytes=limit_bytes)
+        self._last_tick: Tick | None = None
+        self._t0_s = 0.0
+        self._t_s = 0.0
+        self._frames = 0
+        self._start_s = time.perf_counter()
+
+    def run(self, first: Frame, box: Box, truth: Truth | None, progress: Progress) -> Summary:
+        self._t0_s = first.t_capture_s
+        try:
+            # By the convention of one-pass evaluation the first frame's result is the given box.
+            self._take(first, TrackResult(box, math.nan, 1.0), 0.0)
+            progress(1, self._source.frame_count)
+            problem = self._loop(progress)
+        except KeyboardInterrupt:
+            problem = None if self._source.is_live else "stopped by the operator"
+        finally:
+            self._close()
+        summary = self._summary(box, truth, problem)
+        write_results(self._out, summary, self._tally.boxes_xywh)
+        return summary
+
+    def _loop(self, progress: Progress) -> str | None:
+        """Frame after frame; returns what was wrong with the video, if anything."""
+        limit_s = self._options.limit_s
+        while (frame := self._source.read(SILENCE_S)) is not None:
+            if limit_s is not None and frame.t_capture_s - self._t0_s > limit_s:
+                return None
+            started_s = time.perf_counter()
+            result = self._tracker.update(frame.image_bgr)
+            self._take(frame, result, time.perf_counter() - started_s)
+            progress(self._frames, self._source.frame_count)
+        if not self._source.ended:
+            return f"{self._source.name}: silent for {SILENCE_S:.0f} s"
+        return self._source.problem
+
+    def _take(self, frame: Frame, result: TrackResult, track_s: float) -> None:
+        """Everything that follows from one frame's result."""
+        self._t_s = t_s = frame.t_capture_s - self._t0_s
+        self._frames += 1
+        self._tick_until(t_s)
+        pose = self._poses.at(t_s) if self._poses else Pose()
+        view = self._rehearsal.observe(t_s, result, pose) if result.box.is_valid else None
+        self._count(result, track_s)
+        tracked = Tracked(
+            t_s,
+            frame.t_arrival_s - self._t0_s,
+            result.box.xywh,
+            result.score if math.isfinite(result.score) else None,
+            result.confidence,
+            track_s,
+        )
+        self._log.write(t_s, tracked, frame.seq)
+        if view is not None:
+            self._log.write(t_s, view, frame.seq)
+        if self._video is not None:
+            self._video.write(draw(frame.image_bgr, self._overlay(result, view, track_s)), t_s)
+
+    def _tick_until(self, t_s: float) -> None:
+        for tick in self._rehearsal.advance(t_s):
+            self._tally.add_tick(tick)
+            self._log.write(tick.t_s, tick)
+            self._last_tick = tick
+
+    def _count(self, result: TrackResult, track_s: float) -> None:
+        self._tally.boxes_xywh.append(result.box.xywh)
+        self._tally.confidences.append(result.confidence)
+        if self._frames > 1:
+            self._tally.track_s.append(track_s)
+
+    def _overlay(self, result: TrackResult, view: View | None, track_s: float) -> Overlay:
+        state = self._last_tick.state if self._last_tick else State.SELECTED
+        error_m = None
+        if view is not None and view.distance_m is not None and view.standoff_m is not None:
+            error_m = view.distance_m - view.standoff_m
+        total = self._source.frame_count
+        count = f"frame {self._frames}" + (f"/{total}" if total else "")
+        return Overlay(
+            state=state.value.upper(),
+            tone=tone_of(state),
+            box=result.box,
+            predicted=view.predicted if view else None,
+            confidence=result.confidence,
+            distance_m=view.distance_m if view else None,
+            standoff_error_m=error_m,
+            watermark="DRY RUN",
+            lines=(_would_be_line(self._last_tick), f"{count}   tracker {track_s * 1e3:.0f} ms"),
+        )
+
+    def _close(self) -> None:
+        self._tick_until(self._t_s + 1.0 / (self._source.fps or LIVE_FPS))
+        self._log.close()
+        if self._video is not None:
+            self._video.close()
+
+    def _summary(self, box: Box, truth: Truth | None, problem: str | None) -> Summary:
+        tally = self._tally
+        wall_s = time.perf_counter() - self._start_s
+        median_ms, p95_ms = tally.track_ms()
+        assumed = ASSUMED_DISTANCE_M if self._rehearsal.distance_was_assumed else None
+        notes = [note for note in (self._log.problem, self._video.problem if self._video else None) if note]
+        return Summary(
+            video=self._source.name,
+            frames=self._frames,
+            video_s=self._t_s,
+            wall_s=wall_s,
+            fps=self._frames / wall_s,
+            track_ms_median=median_ms,
+            track_ms_p95=p95_ms,
+            time_lost_s=tally.time_lost_s,
+            would_be_setpoints=sum(tally.reasons.values()),
+            reasons=dict(tally.reasons),
+            max_speed_mps=tally.max_speed_mps,
+            max_yaw_rate_rps=tally.max_yaw_rate_rps,
+            mean_confidence=sum(tally.confidences) / len(tally.confidences),
+            assumed_distance_m=assumed,
+            first_box_xywh=box.xywh,
+            accuracy=accuracy_of(tally.boxes_xywh, truth),
+            out=str(self._out),
+            problem=problem,
+            notes=tuple(notes),
+        )
+
+
+def tone_of(state: State) -> Tone:
+    """How urgent a state looks on the picture."""
+    match state:
+        case State.FOLLOWING:
+            return Tone.GOOD
+        case State.COASTING:
+            return Tone.CAUTION
+        case State.LOST_HOLD | State.RELEASED | State.TAKEN_OVER | State.NO_VIDEO:
+            return Tone.ALARM
+        case State.IDLE | State.SELECTED:
+            return Tone.CALM
+
+
+def _first_box(
+    options: Options,
+    truth: Truth | None,
+    first: Frame,
+    size: tuple[int, int],
+) -> Box:
+    if options.select:
+        return check_box(draw_box(first.image_bgr), *size)
+    if options.box is not None:
+        return check_box(options.box, *size)
+    if truth is not None:
+        if not np.isfinite(truth[0]).all():
+            raise SelectionError(f"{options.truth}: the target is absent in the first frame; give --box x,y,w,h")
+        return check_box(Box.from_xywh(*(float(v) for v in truth[0])), *size, MIN_TRUTH_SIDE_PX)
+    raise SelectionError("nothing to track: give --box x,y,w,h, --select, or --boxes with ground truth")
+
+
+def _would_be_line(tick: Tick | None) -> str:
+    if tick is None or tick.would_be is None:
+        return "would-be setpoint: none"
+    north, east, down = tick.would_be.velocity_ned_mps
+    yaw_dps = math.degrees(tick.would_be.yaw_rate_rps)
+    return f"would-be  N {north:+.1f}  E {east:+.1f}  D {down:+.1f} m/s  yaw {yaw_dps:+.0f} deg/s"

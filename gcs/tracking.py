@@ -1,0 +1,31 @@
+"""The tracker as the rest of the program sees it, and how the configuration makes one."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from gcs.config import TrackerConfig
+from gcs.video.frame import Image
+from tracker.box import Box, TrackResult
+
+
+class BoxTracker(Protocol):
+    """`tracker.online.ClimRTTracker`, or a stand-in of a test."""
+
+    def init(self, frame_bgr: Image, box: Box) -> None:
+        """Take what is in the box; ValueError for a box that cannot be tracked."""
+        ...
+
+    def update(self, frame_bgr: Image) -> TrackResult:
+        """Where it is in the next frame."""
+        ...
+
+
+def make_tracker(config: TrackerConfig) -> BoxTracker:
+    """The configured tracker, weights loaded. Raises tracker.weights.WeightsError, one line."""
+    # PyTorch costs seconds and hundreds of MB: only here, when a tracker is really wanted.
+    from tracker.configs import LatentProvider
+    from tracker.weights import load_tracker
+
+    latent = None if config.latent is None else LatentProvider(config.latent.value)
+    return load_tracker(config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads)
