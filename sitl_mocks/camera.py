@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from sitl_mocks.canvas import Silhouette
 from sitl_mocks.ground import Ground
 from sitl_mocks.ground_view import MIN_HEIGHT_M, paint_ground
 from sitl_mocks.lens import Lens, View
-from sitl_mocks.object_view import ObjectPainter, Silhouette, visible_frac
+from sitl_mocks.object_view import ObjectPainter, visible_frac
 from sitl_mocks.world import Vec3, World
 
 Image = npt.NDArray[np.uint8]

@@ -78,7 +78,7 @@ def _mix(base: Floats, colour: tuple[int, int, int], weight: Floats | float) -> 
 
 
 def _ramp(x: Floats, low: float, high: float) -> Floats:
-    return np.clip((x - np.float32(low)) / np.float32(high - low), 0, 1)
+    return np.asarray(np.clip((x - np.float32(low)) / np.float32(high - low), 0, 1), np.float32)
 
 
 def _paint_map(rng: np.random.Generator, world: World) -> Image:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +30,7 @@ def paint_ground(picture: Image, view: View, ground: Ground) -> None:
     wide = abs(float(down[0])) * picture.shape[1] / 2 / float(view.matrix[0, 0])
     levels = np.where(slope + wide > _FLAT, _level_per_row(view, slope, height_m), -1)
     edges = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), rows]
-    for first, last in zip(edges, edges[1:], strict=False):
+    for first, last in pairwise(edges):
         if levels[first] >= 0:
             _paint_band(picture, view, ground, int(levels[first]), first, last)
     _paint_sky(picture, view, down, height_m)
@@ -83,7 +85,7 @@ def _paint_band(picture: Image, view: View, ground: Ground, level: int, first: i
         detail = _warp(ground.detail_levels[fine], homography, size)
         strength = cv2.extractChannel(band, 3)
         lighter = cv2.multiply(detail, strength, scale=1 / _DETAIL_FADE[fine])
-        neutral = cv2.multiply(strength, 128.0, scale=1 / _DETAIL_FADE[fine])
+        neutral = cv2.convertScaleAbs(strength, alpha=128 / _DETAIL_FADE[fine])
         colour = cv2.add(colour, cv2.cvtColor(lighter, cv2.COLOR_GRAY2BGR))
         colour = cv2.subtract(colour, cv2.cvtColor(neutral, cv2.COLOR_GRAY2BGR))
     picture[first:last] = colour

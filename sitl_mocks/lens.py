@@ -85,7 +85,7 @@ class Lens:
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
         xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
         yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return np.stack([xd, yd], axis=1) * f + centre
+        return np.asarray(np.stack([xd, yd], axis=1) * f + centre)
 
     def undistorting_maps(self) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
         """For cv2.remap: where in a pinhole picture each pixel of the real picture is found."""

@@ -1,4 +1,4 @@
-"""Shapes of the world's objects: textured faces (cars, houses, blocks) and capsules (people).
+"""Shapes of the world's built objects as textured faces: cars, houses and blocks.
 
 Local frame of a shape: x along the heading, y to the right, z up from its base, metres.
 """
@@ -18,7 +18,6 @@ Image = npt.NDArray[np.uint8]
 Points = npt.NDArray[np.float64]
 
 SUN_UP = np.array([0.449, -0.367, 0.816])  # towards the sun: north, east, up; matches ground.SUN_SHADOW_NE
-_SKIN, _HAIR, _TROUSERS, _SHOES = (120, 150, 196), (28, 34, 46), (92, 66, 48), (40, 40, 44)
 _GLASS, _TYRE, _CONCRETE, _PLASTER = (64, 56, 48), (30, 30, 30), (150, 156, 160), (176, 196, 208)
 
 
@@ -30,22 +29,11 @@ class Face:
     texture: Image
 
 
-@dataclass(frozen=True, slots=True)
-class Capsule:
-    """A limb: two ends (local metres) with their radii."""
-
-    a_m: Vec3
-    b_m: Vec3
-    a_radius_m: float
-    b_radius_m: float
-    colour_bgr: Colour
-
-
 def to_ned(points_m: Points, item: ObjectState) -> Points:
     """(N, 3) local points to NED metres."""
     c, s = math.cos(item.heading_rad), math.sin(item.heading_rad)
     x, y, z = points_m[:, 0], points_m[:, 1], points_m[:, 2]
-    return np.stack([x * c - y * s, x * s + y * c, -z], axis=1) + np.array(item.position_ned_m)
+    return np.asarray(np.stack([x * c - y * s, x * s + y * c, -z], axis=1) + np.array(item.position_ned_m))
 
 
 def sun_shade(corners_ned_m: Points) -> float:
@@ -133,18 +121,18 @@ def _cabin(
     ]
 
 
-def _darker(colour: Colour, by: float) -> Colour:
+def darker(colour: Colour, by: float) -> Colour:
     return (int(colour[0] * by), int(colour[1] * by), int(colour[2] * by))
 
 
 def _car_side(rng: np.random.Generator, colour: Colour) -> Image:
     """The left side, front to the left: doors, sill, wheels."""
     picture = _panel(rng, 160, 36, colour, 3, 0.12)
-    picture[13:15] = _darker(colour, 0.82)
+    picture[13:15] = darker(colour, 0.82)
     for x in (62, 96, 126):
-        picture[2:27, x] = _darker(colour, 0.55)
+        picture[2:27, x] = darker(colour, 0.55)
     for x in (90, 120):
-        picture[9:11, x : x + 5] = _darker(colour, 0.5)
+        picture[9:11, x : x + 5] = darker(colour, 0.5)
     picture[28:] = (24, 24, 24)
     for x in (29, 130):
         cv2.circle(picture, (x, 24), 13, (18, 18, 18), -1)
@@ -159,7 +147,7 @@ def _car_end(rng: np.random.Generator, colour: Colour, lamp: Colour) -> Image:
     for x in (3, 56):
         cv2.rectangle(picture, (x, 7), (x + 12, 13), lamp, -1)
     cv2.rectangle(picture, (25, 13), (47, 18), (225, 230, 230), -1)
-    picture[21:27] = _darker(colour, 0.7)
+    picture[21:27] = darker(colour, 0.7)
     picture[28:] = (26, 26, 26)
     return picture
 
@@ -167,18 +155,18 @@ def _car_end(rng: np.random.Generator, colour: Colour, lamp: Colour) -> Image:
 def _car_top(rng: np.random.Generator, colour: Colour) -> Image:
     """Bonnet (top of the picture) and boot, seen from above."""
     picture = _panel(rng, 72, 160, colour, 3, 0.08)
-    cv2.line(picture, (14, 4), (18, 44), _darker(colour, 0.75), 1)
-    cv2.line(picture, (57, 4), (53, 44), _darker(colour, 0.75), 1)
-    cv2.line(picture, (4, 46), (67, 46), _darker(colour, 0.5), 1)
-    cv2.line(picture, (4, 149), (67, 149), _darker(colour, 0.6), 1)
-    picture[:2] = _darker(colour, 0.8)
+    cv2.line(picture, (14, 4), (18, 44), darker(colour, 0.75), 1)
+    cv2.line(picture, (57, 4), (53, 44), darker(colour, 0.75), 1)
+    cv2.line(picture, (4, 46), (67, 46), darker(colour, 0.5), 1)
+    cv2.line(picture, (4, 149), (67, 149), darker(colour, 0.6), 1)
+    picture[:2] = darker(colour, 0.8)
     return cv2.GaussianBlur(picture, (3, 3), 0).astype(np.uint8)
 
 
 def _roof(rng: np.random.Generator, colour: Colour) -> Image:
     picture = _panel(rng, 48, 56, colour, 3, 0.1)
-    picture[:, 3:5] = _darker(colour, 0.7)
-    picture[:, 43:45] = _darker(colour, 0.7)
+    picture[:, 3:5] = darker(colour, 0.7)
+    picture[:, 43:45] = darker(colour, 0.7)
     cv2.line(picture, (23, 50), (23, 54), (40, 40, 40), 2)
     return picture
 
@@ -236,7 +224,7 @@ def _house(rng: np.random.Generator, size_m: Vec3, colour: Colour) -> list[Face]
     faces.append(Face(_quad(br, fr, (x, y, eaves), (-x, y, eaves)), roof))
     faces.append(Face(_quad(bl, br, (-x, y, eaves), (-x, -y, eaves)), roof))
     faces.append(Face(_quad(fr, fl, (x, -y, eaves), (x, y, eaves)), roof))
-    return faces + [Face(_quad(fl, fr, br, bl), roof)]
+    return [*faces, Face(_quad(fl, fr, br, bl), roof)]
 
 
 def _wall(rng: np.random.Generator) -> Image:
@@ -252,59 +240,3 @@ def _tiles(rng: np.random.Generator, colour: Colour) -> Image:
     picture = _panel(rng, 120, 64, colour, 9, 0.06)
     picture[::5] = (picture[::5] * 0.75).astype(np.uint8)
     return picture
-
-
-def person(item: ObjectState) -> list[Capsule]:
-    """A walker's limbs at its gait: one stride (two steps) per 1.4 m travelled; it stands still at speed zero."""
-    height = item.size_m[2]
-    speed = math.hypot(item.velocity_ned_mps[0], item.velocity_ned_mps[1])
-    swing = min(speed / 1.4, 1.2) * math.sin(item.travelled_m / 1.4 * 2 * math.pi)
-    k = height / 1.75
-    lean = 0.04 * min(speed, 3.0)
-    hip_z, shoulder_z = 0.92 * k, 1.42 * k
-    limbs: list[Capsule] = []
-    for side in (-1.0, 1.0):
-        step = side * swing
-        hip = (0.0, side * 0.10 * k, hip_z)
-        knee = (0.20 * k * step + 0.05 * k, side * 0.10 * k, 0.50 * k)
-        foot = (0.36 * k * step - 0.06 * k * max(-step, 0.0), side * 0.10 * k, 0.07 * k + 0.08 * k * max(-step, 0))
-        toe = (foot[0] + 0.16 * k, foot[1], max(foot[2] - 0.02, 0.04))
-        limbs += [Capsule(hip, knee, 0.10 * k, 0.08 * k, _TROUSERS), Capsule(knee, foot, 0.08 * k, 0.06 * k, _TROUSERS)]
-        limbs.append(Capsule(foot, toe, 0.055 * k, 0.045 * k, _SHOES))
-        shoulder = (lean, side * 0.21 * k, shoulder_z)
-        elbow = (lean - 0.16 * k * step, side * 0.25 * k, 1.14 * k)
-        hand = (lean - 0.26 * k * step + 0.08 * k, side * 0.23 * k, 0.90 * k)
-        sleeve = _darker(item.colour_bgr, 0.9)
-        limbs += [
-            Capsule(shoulder, elbow, 0.07 * k, 0.055 * k, sleeve),
-            Capsule(elbow, hand, 0.05 * k, 0.045 * k, _SKIN),
-        ]
-    torso = Capsule((0.0, 0.0, hip_z + 0.02), (lean, 0.0, shoulder_z - 0.05), 0.16 * k, 0.21 * k, item.colour_bgr)
-    limbs.append(torso)
-    limbs.append(Capsule((lean, 0.0, 1.55 * k), (lean, 0.0, 1.57 * k), 0.065 * k, 0.065 * k, _SKIN))
-    head_x = lean + 0.02
-    limbs.append(Capsule((head_x, 0.0, 1.62 * k), (head_x, 0.0, 1.64 * k), 0.10 * k, 0.10 * k, _SKIN))
-    limbs.append(Capsule((lean - 0.02, 0.0, 1.66 * k), (lean - 0.02, 0.0, 1.67 * k), 0.105 * k, 0.10 * k, _HAIR))
-    return limbs
-
-
-def tree_texture(seed: int) -> Image:
-    """A crown and trunk as BGRA (256, 256, 4), base of the trunk at the middle of the lower edge."""
-    rng = np.random.default_rng(seed)
-    picture = np.zeros((256, 256, 4), np.uint8)
-    cv2.rectangle(picture, (122, 170), (134, 255), (38, 52, 66, 255), -1)
-    tint = rng.uniform(0.85, 1.2)
-    for layer in range(260):
-        frac = layer / 260
-        angle, radius = rng.uniform(0, 2 * math.pi), math.sqrt(rng.random()) * 88
-        x, y = 128 + radius * math.cos(angle), 100 + radius * math.sin(angle) * 0.92
-        lit = 0.5 + 0.55 * frac - 0.0025 * (x - 128) - 0.004 * (y - 100) + rng.normal(0, 0.08)
-        colour = np.clip(np.array([34, 84, 62]) * lit * tint, 5, 230)
-        size = (int(rng.uniform(6, 17)), int(rng.uniform(5, 12)))
-        cv2.ellipse(
-            picture, (int(x), int(y)), size, float(rng.uniform(0, 180)), 0, 360,
-            (int(colour[0]), int(colour[1]), int(colour[2]), 255), -1,
-        )  # fmt: skip
-    leaf = rng.normal(0, 16, (256, 256, 1)).astype(np.float32)
-    picture[..., :3] = np.clip(picture[..., :3] + cv2.GaussianBlur(leaf, (0, 0), 0.8)[..., None] * 1.4, 0, 255)
-    return cv2.GaussianBlur(picture, (3, 3), 0).astype(np.uint8)

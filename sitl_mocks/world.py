@@ -9,6 +9,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 Vec3 = tuple[float, float, float]
 Colour = tuple[int, int, int]  # blue, green, red, 0..255
@@ -94,13 +95,13 @@ class SpeedProfile:
     def __init__(self, points: tuple[tuple[float, float], ...]) -> None:
         if not points or points[0][0] != 0.0:
             raise ValueError("speed profile: must start at t = 0")
-        if any(b[0] <= a[0] for a, b in zip(points, points[1:], strict=False)):
+        if any(b[0] <= a[0] for a, b in pairwise(points)):
             raise ValueError("speed profile: times must increase")
         if any(not (math.isfinite(t) and math.isfinite(v) and v >= 0) for t, v in points):
             raise ValueError("speed profile: speeds must be finite and not negative")
         self._points = points
         self._distance_m = [0.0]
-        for (t0, v0), (t1, v1) in zip(points, points[1:], strict=False):
+        for (t0, v0), (t1, v1) in pairwise(points):
             self._distance_m.append(self._distance_m[-1] + 0.5 * (v0 + v1) * (t1 - t0))
 
     def at(self, t_s: float) -> tuple[float, float]:
