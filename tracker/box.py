@@ -28,10 +28,7 @@ class Box:
     @property
     def is_valid(self) -> bool:
         """All four finite and the area positive."""
-        return (
-            all(map(math.isfinite, (self.cx_px, self.cy_px, self.w_px, self.h_px)))
-            and min(self.w_px, self.h_px) > 0
-        )
+        return all(map(math.isfinite, (self.cx_px, self.cy_px, self.w_px, self.h_px))) and min(self.w_px, self.h_px) > 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 from tracker.train.config import TrainConfig, TrainConfigError
+from tracker.train.export import export
 from tracker.train.loop import Run, Say
 from tracker.train.pack import load
 
@@ -31,4 +32,8 @@ def train(values: Mapping[str, Any], data: Path, folder: Path, minutes: float, r
     say("reading pictures")
     imagery, held_out = load(packs), load(packs, split="val")
     say(f"{len(imagery)} pictures, {len(imagery.things)} objects; {len(held_out)} held out")
-    return run.train(imagery, held_out, minutes)
+    done = run.train(imagery, held_out, minutes)
+    best = folder / "best.pt"
+    path = export(best if best.exists() else folder / "last.pt", folder / "weights.safetensors", data)
+    say(f"weights written to {path}")
+    return done

@@ -52,6 +52,7 @@ class Run:
         self.config, self.folder, self.say = config, folder, say
         self.device = torch.device(device)
         torch.set_num_threads(config.threads)
+        torch.set_flush_denormal(True)  # vanishing gradients must not slow every step down
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "config.json").write_text(json.dumps(config.to_dict(), indent=1))
         self.network = initial_network(NETWORKS[config.network], config.seed).to(self.device)

@@ -1,0 +1,58 @@
+"""From a run's checkpoint to weights that can be shipped: averaged weights, with where they come from."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from tracker.configs import NETWORKS, TrackerConfig
+from tracker.network.climrt import ClimRT
+from tracker.train.config import TrainConfig
+from tracker.weights import save
+
+# The tracker's constants that suit weights of this training: both branches as probabilities, rate clipped.
+TRAINED = TrackerConfig(cls2_is_logit=False, clip_rate=True)
+
+
+def credits_of(data: Path, packs: tuple[str, ...]) -> list[dict[str, str]]:
+    """Part, source and licence of the pictures, from the packs' sources.csv where there is one."""
+    table = data / "sources.csv"
+    if not table.exists():
+        return [{"part": pack} for pack in packs]
+    with table.open(newline="") as file:
+        return [{k: row[k] for k in ("part", "repository", "licence")} for row in csv.DictReader(file)]
+
+
+def export(
+    checkpoint: Path,
+    out: Path,
+    data: Path,
+    *,
+    tracker: TrackerConfig = TRAINED,
+    metrics: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write the averaged weights of a checkpoint as safetensors with their manifest; returns the path.
+
+    Raises ValueError for a file that is no checkpoint of tracker.train.loop.
+    """
+    state = torch.load(checkpoint, weights_only=True, map_location="cpu")
+    try:
+        config = TrainConfig.from_dict(json.loads(state["config"]))
+        network = ClimRT(NETWORKS[config.network])
+        network.load_state_dict(state["average"])
+        samples = int(state["position"][3])
+    except (KeyError, RuntimeError) as error:
+        raise ValueError(f"{checkpoint}: not a training checkpoint ({str(error).splitlines()[0]})") from error
+    extra = {
+        "training": config.to_dict(),
+        "seed": config.seed,
+        "samples": samples,
+        "data": credits_of(data, config.packs),
+        "metrics": dict(metrics or {}),
+    }
+    return save(out, network, extra, tracker=tracker, half=True)
