@@ -1,0 +1,155 @@
+"""`gcs demo`: the whole station against a mocked vehicle in a rendered world, judged by the simulator's truth."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from gcs.app import fly, make_flight, open_link, open_live, recorder, signals
+from gcs.clock import MonotonicClock
+from gcs.config import Config
+from gcs.demo_operator import DemoOperator
+from gcs.demo_plot import plot
+from gcs.demo_report import Score, read_truth, score, table
+from gcs.demo_simulator import TRUTH, Simulator, simulator
+from gcs.dryrun_output import prepare_folder
+from gcs.errors import GcsError
+from gcs.flight import Flight
+from gcs.operator.terminal import Screen
+from gcs.tracking import BoxTracker, make_tracker
+
+_LIVE_S: Final = 0.5
+_LINE_S: Final = 5.0  # where the output is no terminal
+FENCE_M: Final = 500.0
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """seconds: of following, once confirmed. out: folder for everything that is left behind."""
+
+    out: Path
+    seconds: float = 60.0
+    scenario: str = "demo"
+    personality: str = "px4"
+    seed: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What the flight came to; interrupted: by the operator, before its end."""
+
+    score: Score
+    has_landed: bool
+    interrupted: bool
+
+    @property
+    def exit_code(self) -> int:
+        """0 only for a flight that followed, landed, and did nothing unsafe."""
+        flown = self.score.bearing_rms_deg is not None and self.has_landed and not self.interrupted
+        return 0 if flown and self.score.unsafe == 0 else 1
+
+
+def main(args: argparse.Namespace) -> int:
+    """The command: the live line while it flies, then a table or one JSON line."""
+    seconds = 60.0 if args.seconds is None else args.seconds
+    if not (math.isfinite(seconds) and 1.0 <= seconds <= 600.0):
+        raise GcsError(f"--seconds {seconds:g}: must be from 1 to 600")
+    options = DemoOptions(
+        out=Path(args.out or "out/demo"),
+        seconds=seconds,
+        scenario=args.scenario or "demo",
+        personality=args.personality or "px4",
+        seed=args.seed,
+    )
+    screen = Screen(sys.stderr if args.json else sys.stdout)
+    outcome = demo(options, screen)
+    if args.json:
+        sys.stdout.write(outcome.score.to_json() + "\n")
+    else:
+        screen.say(f"{table(outcome.score)}\n  see {options.out}/flight.mp4 and plot.png")
+    return outcome.exit_code
+
+
+def demo(
+    options: DemoOptions, screen: Screen, make: Callable[[Config], BoxTracker] = lambda c: make_tracker(c.tracker)
+) -> Outcome:
+    """Fly and judge. make: the tracker, for tests that bring their own."""
+    folder = prepare_folder(options.out)
+    outcome = asyncio.run(_demo(options, screen, folder, make))
+    return outcome
+
+
+async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callable[[Config], BoxTracker]) -> Outcome:
+    tracker = await asyncio.to_thread(make, Config())
+    screen.say(f"simulator: {options.personality}, scenario {options.scenario}")
+    async with simulator(
+        folder, scenario=options.scenario, personality=options.personality, seed=options.seed
+    ) as world:
+        operator, interrupted = await _fly(options, world, screen, tracker)
+    truth = read_truth(folder / TRUTH)
+    spans = operator.spans()
+    monitor = world.monitor()
+    result = score(
+        truth, operator.frames, spans,
+        max_setpoint_gap_s=float(monitor["max_setpoint_gap_s"]), unsafe=int(monitor["unsafe"]),
+    )  # fmt: skip
+    for reason in monitor["reasons"]:
+        screen.say(f"UNSAFE {reason['rule']}: {reason['text']}")
+    plot(folder / "plot.png", truth, spans, f"{options.scenario}, {options.personality}")
+    (folder / "summary.json").write_text(json.dumps(json.loads(result.to_json()), indent=1) + "\n")
+    return Outcome(result, operator.has_landed, interrupted)
+
+
+async def _fly(
+    options: DemoOptions, world: Simulator, screen: Screen, tracker: BoxTracker
+) -> tuple[DemoOperator, bool]:
+    clock, config = MonotonicClock(), demo_config(world)
+    source = await asyncio.to_thread(open_live, world.video_url, config)
+    try:
+        async with open_link(world.vehicle_url, config, clock, world.folder) as link:
+            screen.say(f"vehicle: {link.telemetry.vehicle}")
+            with recorder(world.folder, config, source, screen.say, "SIM") as watchers:
+                flight = make_flight(link, source, tracker, config, clock, screen.say)
+                operator = DemoOperator(flight, world, clock, screen.say, options.seconds, options.seed or 0)
+                flight.watchers = (*watchers, operator)
+                interrupts: list[bool] = []
+
+                def interrupt() -> None:
+                    interrupts.append(True)
+                    flight.stop()
+
+                with signals(interrupt):
+                    await fly(flight, operator.run(), _show(flight, screen))
+    finally:
+        screen.end()
+        await asyncio.to_thread(source.close)
+    return operator, bool(interrupts)
+
+
+async def _show(flight: Flight, screen: Screen) -> None:
+    """The live line, or a line now and then where there is no terminal."""
+    while True:
+        if screen.is_terminal:
+            screen.live(flight.status_line())
+        else:
+            screen.say(flight.status_line())
+        await asyncio.sleep(_LIVE_S if screen.is_terminal else _LINE_S)
+
+
+def demo_config(world: Simulator) -> Config:
+    """The defaults, with the simulator's lens, and a fence as wide as its roads are long."""
+    config = Config()
+    limits = replace(config.control.limits, fence_radius_m=FENCE_M)
+    return replace(
+        config,
+        camera=world.camera,
+        vehicle=replace(config.vehicle, url=world.vehicle_url, takeoff_height_m=world.height_m),
+        control=replace(config.control, limits=limits),
+    )

@@ -1,0 +1,221 @@
+"""A flight: the tasks that run side by side, the 20 Hz heart among them, and the orderly end.
+
+Whatever ends it, a signal, the operator or a fault in a task: zero velocity, then the vehicle's hold mode,
+then silence. Only a vehicle that is ours is commanded; what a pilot has taken is left alone.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import deque
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any, Final
+
+from control.camera import CameraModel
+from control.engagement import Action, State
+from control.gate import TICK_S
+from control.types import VehicleMode
+from gcs.autopilot.actions import VehicleActions
+from gcs.autopilot.mode_control import ModeControl
+from gcs.clock import Clock
+from gcs.config import Config
+from gcs.flight_control import FollowControl, Tick
+from gcs.flight_modes import ModeSwitch, Spawn
+from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_box, status_line
+from gcs.flight_vision import Seen, Vision
+from gcs.telemetry import Telemetry
+from gcs.tracking import BoxTracker
+from gcs.video import VideoSource
+from gcs.wire import Wire
+
+_HEARTBEAT_S: Final = 1.0
+_LEAVING_ZEROS: Final = 3
+_FPS_FRAMES: Final = 20
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The open connection to the vehicle, all its parts on one wire."""
+
+    wire: Wire
+    telemetry: Telemetry
+    modes: ModeControl
+    actions: VehicleActions
+
+
+class Flight:
+    """Everything that flies; operators act on `control`, `vision` and `link` by way of `gcs.flight_orders`."""
+
+    def __init__(
+        self,
+        link: Link,
+        source: VideoSource,
+        tracker: BoxTracker,
+        config: Config,
+        clock: Clock,
+        *,
+        say: Callable[[str], None],
+        watchers: tuple[Watcher, ...] = (),
+    ) -> None:
+        self.link = link
+        self.config = config
+        self.clock = clock
+        self.say = say
+        self.camera: CameraModel = config.camera.model(*source.size)
+        self.control = FollowControl(config.control, self.camera, link.telemetry.attitude)
+        self.vision = Vision(source, tracker, clock, self._deliver)
+        self.tick: Tick | None = None
+        self.seen: Seen | None = None
+        self._source = source
+        self.watchers = watchers
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._spawn: Spawn | None = None
+        self._stopping = asyncio.Event()
+        self._ticked: set[asyncio.Future[Tick]] = set()
+        self._looked: set[asyncio.Future[Seen]] = set()
+        self._modes = ModeSwitch(link.modes, say)
+        self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
+        self._said: tuple[State, tuple[str, ...]] | None = None
+
+    # -- running ------------------------------------------------------------------------------------------
+
+    async def run(self, *beside: Coroutine[Any, Any, None]) -> None:
+        """Fly until `stop`; `beside` are tasks that live as long (an operator). Their faults end the flight."""
+        self._loop = asyncio.get_running_loop()
+        self.vision.start()
+        try:
+            async with asyncio.TaskGroup() as group:
+                self._spawn = group.create_task
+                tasks = [
+                    group.create_task(self._control(), name="control"),
+                    group.create_task(self.link.telemetry.run(), name="telemetry"),
+                    *(group.create_task(each) for each in beside),
+                ]
+                await self._stopping.wait()
+                self._modes.cancel()
+                for task in tasks:
+                    task.cancel()
+        finally:
+            self._spawn = None
+            await self._leave()
+            # Its own thread: waiting for the frame under way must not hold up the loop.
+            await asyncio.to_thread(self.vision.close)
+
+    def stop(self) -> None:
+        """End the flight in order: zero, hold, silence."""
+        self._stopping.set()
+
+    async def _control(self) -> None:
+        """The 20 Hz loop. Our heartbeat comes from here, so that it ends when this does."""
+        due_s = beat_s = self.clock.now_s()
+        while True:
+            now_s = self.clock.now_s()
+            self.step(now_s)
+            if now_s >= beat_s:
+                self.link.wire.send_heartbeat()
+                beat_s = now_s + _HEARTBEAT_S
+            # After a stall the missed ticks are gone; nothing is made up for.
+            due_s = due_s + TICK_S if due_s + TICK_S > now_s else now_s + TICK_S
+            await asyncio.sleep(max(due_s - self.clock.now_s(), 0.0))
+
+    def step(self, now_s: float) -> Tick:
+        """One tick: decide, send once, command the modes it asks for."""
+        tick = self.control.tick(now_s, self.link.telemetry.vehicle_state())
+        if tick.setpoint is not None:
+            self.link.wire.send_setpoint(tick.setpoint)
+        self.tick = tick
+        if self._spawn is not None:
+            self._modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
+        self._announce(tick)
+        for watcher in self.watchers:
+            watcher.ticked(tick)
+        waiting, self._ticked = self._ticked, set()
+        for future in waiting:
+            if not future.done():
+                future.set_result(tick)
+        return tick
+
+    # -- the end ------------------------------------------------------------------------------------------
+
+    async def _leave(self) -> None:
+        """Zero, hold, silence, if the vehicle is ours; the control task has ended by now."""
+        tick = self.tick
+        ours = self.control.is_engaged or (tick is not None and tick.output.action is Action.COMMAND_HOLD)
+        mode = self.link.telemetry.vehicle_state().mode
+        if not ours or mode not in (VehicleMode.EXTERNAL, VehicleMode.HOLD):
+            return
+        for _ in range(_LEAVING_ZEROS):
+            self._send_zero()
+            await asyncio.sleep(TICK_S)
+        holding = asyncio.create_task(self._modes.hold())
+        while not holding.done():
+            self._send_zero()
+            await asyncio.wait([holding], timeout=TICK_S)
+
+    def _send_zero(self) -> None:
+        setpoint = self.control.zero(self.clock.now_s(), self.link.telemetry.vehicle_state())
+        if setpoint is not None:
+            self.link.wire.send_setpoint(setpoint)
+
+    # -- seeing -------------------------------------------------------------------------------------------
+
+    def _deliver(self, seen: Seen) -> None:
+        """On the vision thread."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            assert self._loop is not None
+            self._loop.call_soon_threadsafe(self.saw, seen)
+
+    def saw(self, seen: Seen) -> None:
+        """Take a frame that has been through the tracker, on the event loop."""
+        now_s = self.clock.now_s()
+        measurement = self.control.saw(seen, now_s)
+        self.seen = seen
+        self._frame_times_s.append(seen.t_done_s)
+        if self.watchers:
+            target = self.control.predict(seen.frame.t_capture_s)
+            predicted = predicted_box(self.camera, self.link.telemetry.attitude, target, seen)
+            sighting = Sighting(seen, self.status(), measurement, predicted)
+            for watcher in self.watchers:
+                watcher.saw(sighting)
+        waiting, self._looked = self._looked, set()
+        for future in waiting:
+            if not future.done():
+                future.set_result(seen)
+
+    # -- telling ------------------------------------------------------------------------------------------
+
+    async def next_tick(self) -> Tick:
+        """The next decision."""
+        future: asyncio.Future[Tick] = asyncio.get_running_loop().create_future()
+        self._ticked.add(future)
+        return await future
+
+    async def next_seen(self) -> Seen:
+        """The next frame through the tracker."""
+        future: asyncio.Future[Seen] = asyncio.get_running_loop().create_future()
+        self._looked.add(future)
+        return await future
+
+    def status(self) -> Status:
+        """The state of everything, now."""
+        times = self._frame_times_s
+        span_s = times[-1] - times[0] if len(times) > 1 else 0.0
+        fps = (len(times) - 1) / span_s if span_s > 0 else 0.0
+        confirmation = self.control.confirmation if self.control.is_engaged else None
+        vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
+        return make_status(self.clock.now_s(), self.tick, vehicle, confirmation, follow, fps)
+
+    def status_line(self) -> str:
+        """The same in one line."""
+        return status_line(self.status())
+
+    def _announce(self, tick: Tick) -> None:
+        state, reasons = tick.output.state, tuple(cause.value for cause in tick.output.reasons)
+        if self._said == (state, reasons):
+            return
+        self._said = (state, reasons)
+        self.say(f"{state.value.upper()}{': ' + '; '.join(reasons) if reasons else ''}")

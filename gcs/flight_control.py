@@ -1,0 +1,226 @@
+"""The deciding part of a flight: what was seen and what the vehicle says in, one setpoint a tick out. Pure.
+
+A tick always runs the same way: estimator, state machine, follow law, gate. Nothing here waits, sends or
+reads a clock, so a flight can be flown again from its log.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import assert_never
+
+from control.attitude import AttitudeBuffer
+from control.camera import CameraModel, bearing_measurement
+from control.config import ControlConfig
+from control.engagement import Action, Engagement, Inputs, Output, State
+from control.estimator import TargetEstimator
+from control.follow import FollowState, follow_request
+from control.gate import TICK_S, Setpoint, gate
+from control.limits import after_setpoint, priming_request, zero_request
+from control.modes import Confirmation, ConfirmError, FollowMode, confirm
+from control.preflight import refusals
+from control.types import BearingMeasurement, Reason, TargetState, VehicleState, VelocityRequest
+from gcs.flight_vision import Seen
+
+
+class Act(Enum):
+    """What the operator did since the last tick."""
+
+    SELECT = "select"
+    CONFIRM = "confirm"
+    ABORT = "abort"
+    ACKNOWLEDGE = "acknowledge"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a confirmation asks for; None: the distance of that moment, told by height and view angle."""
+
+    mode: FollowMode = FollowMode.FOLLOW
+    standoff_m: float | None = None
+    distance_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One 20 Hz decision, complete: what a replay must reproduce."""
+
+    t_s: float
+    inputs: Inputs
+    output: Output
+    target: TargetState | None
+    request: VelocityRequest | None
+    setpoint: Setpoint | None
+    gate: Reason
+
+
+class FollowControl:
+    """Everything between the tracker and the wire. `now_s` must be the wire's own clock."""
+
+    def __init__(self, config: ControlConfig, camera: CameraModel, attitude: AttitudeBuffer) -> None:
+        self._config = config
+        self._camera = camera
+        self._attitude = attitude
+        self._estimator = TargetEstimator(config.estimator)
+        self._engagement = Engagement(config.engagement)
+        self._acts: set[Act] = set()
+        self._selection = 0
+        self._inputs = Inputs()
+        self._follow = FollowState.at_rest(0.0)
+        self._previous: Setpoint | None = None
+        self.confirm_problem = ""
+        self._engaged = False
+        self.wanted = Wanted()
+        self.confirmation: Confirmation | None = None
+
+    @property
+    def is_engaged(self) -> bool:
+        """The vehicle is ours to move, or about to be."""
+        return self._engaged
+
+    def act(self, act: Act) -> None:
+        """The operator's act, judged in the next tick."""
+        self._acts.add(act)
+
+    def select(self, number: int) -> None:
+        """The operator has drawn box `number` (0: none): what was known of a target is forgotten."""
+        self._selection = number
+        self._estimator.reset()
+        self._inputs = replace(self._inputs, selected=number > 0, measured_t_s=None, confidence=0.0, latency_s=None)
+        if number:
+            self.act(Act.SELECT)
+
+    def saw(self, seen: Seen, now_s: float) -> BearingMeasurement | None:
+        """A frame has been through the tracker; the line of sight it gave, whether or not the filter took it."""
+        if not seen.frozen:
+            self._inputs = replace(self._inputs, frame_t_s=seen.frame.t_arrival_s)
+        result = seen.result
+        if result is None or seen.selection != self._selection:
+            return None
+        attitude = self._attitude.at(seen.frame.t_capture_s)
+        if attitude is None:
+            return None
+        box, t_capture_s = result.box, seen.frame.t_capture_s
+        try:
+            measurement = bearing_measurement(
+                self._camera, box.cx_px, box.cy_px, box.w_px, box.h_px, attitude, t_capture_s, result.confidence
+            )
+        except ValueError:  # a box no ray can be made of
+            return None
+        accepted = self._estimator.update(measurement)
+        self._inputs = replace(
+            self._inputs,
+            measured_t_s=now_s if accepted else self._inputs.measured_t_s,
+            rejections_in_a_row=self._estimator.rejections_in_a_row,
+            confidence=result.confidence,
+            latency_s=now_s - t_capture_s + TICK_S,
+        )
+        return measurement
+
+    def tick(self, now_s: float, vehicle: VehicleState) -> Tick:
+        """Decide what leaves now. `setpoint` must be sent at once, or never."""
+        target = self._estimator.predict(now_s + self._config.follow.lead_s)
+        candidate = self._candidate(target, vehicle, now_s)
+        acts, self._acts = self._acts, set()
+        inputs = replace(
+            self._inputs,
+            vehicle=vehicle,
+            distance_known=candidate is not None or target is None,
+            attitude_rate_hz=self._attitude.rate_hz(now_s),
+            outside_fence=self._is_outside(vehicle),
+            select=Act.SELECT in acts,
+            confirm=Act.CONFIRM in acts,
+            abort=Act.ABORT in acts,
+            acknowledge=Act.ACKNOWLEDGE in acts,
+        )
+        was_engaged = self._engaged
+        output = self._engagement.update(now_s, inputs)
+        self._engaged = output.engaging or output.state in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
+        if self._engaged and not was_engaged:
+            self.confirmation, self._follow = candidate, FollowState.at_rest(now_s)
+            self._inputs = replace(self._inputs, request_t_s=None)
+        request = self._request(output, target, vehicle, now_s)
+        setpoint, reason = gate(request, vehicle, now_s, self._previous, self._config.limits)
+        if setpoint is not None:
+            shaping = after_setpoint(self._follow.shaping, setpoint.velocity_ned_mps, setpoint.yaw_rate_rps)
+            self._follow = replace(self._follow, shaping=shaping)
+        self._previous = setpoint
+        return Tick(now_s, inputs, output, target, request, setpoint, reason)
+
+    def _request(
+        self, output: Output, target: TargetState | None, vehicle: VehicleState, now_s: float
+    ) -> VelocityRequest | None:
+        match output.action:
+            case Action.NONE | Action.SILENCE:
+                return None
+            case Action.ENGAGE:
+                return priming_request(now_s)
+            case Action.SEND_ZERO | Action.COMMAND_HOLD:
+                return zero_request(now_s)
+            case Action.SEND_REQUEST:
+                return self._follow_law(output, target, vehicle, now_s)
+            case _:
+                assert_never(output.action)
+
+    def _follow_law(
+        self, output: Output, target: TargetState | None, vehicle: VehicleState, now_s: float
+    ) -> VelocityRequest:
+        if target is None or self.confirmation is None:
+            return zero_request(now_s)
+        request, self._follow = follow_request(
+            self.confirmation,
+            target,
+            vehicle,
+            self._camera,
+            now_s,
+            self._follow,
+            self._config,
+            velocity_factor=output.velocity_factor,
+            coasting=output.state is State.COASTING,
+        )
+        self._inputs = replace(self._inputs, request_t_s=now_s)
+        return request
+
+    def zero(self, now_s: float, vehicle: VehicleState) -> Setpoint | None:
+        """The stop of an orderly end, through the gate like everything else; None where it must be silent."""
+        setpoint, _ = gate(zero_request(now_s), vehicle, now_s, self._previous, self._config.limits)
+        self._previous = setpoint
+        return setpoint
+
+    def refusals(self, now_s: float, vehicle: VehicleState) -> tuple[str, ...]:
+        """Everything that would keep a confirmation from being accepted now."""
+        target = self._estimator.predict(now_s)
+        known = self._candidate(target, vehicle, now_s) is not None
+        inputs = replace(
+            self._inputs,
+            vehicle=vehicle,
+            distance_known=known or target is None,
+            attitude_rate_hz=self._attitude.rate_hz(now_s),
+            outside_fence=self._is_outside(vehicle),
+        )
+        causes = [cause.value for cause in refusals(inputs, now_s, self._config.engagement)]
+        return (*causes, *([self.confirm_problem] if target is not None and not known else []))
+
+    def predict(self, t_s: float) -> TargetState | None:
+        """The target at t_s, for display."""
+        return self._estimator.predict(t_s)
+
+    def _candidate(self, target: TargetState | None, vehicle: VehicleState, now_s: float) -> Confirmation | None:
+        """What would be remembered if the operator confirmed now."""
+        if target is None:
+            return None
+        wanted = self.wanted
+        try:
+            return confirm(
+                wanted.mode, target, vehicle, now_s, self._config.follow,
+                distance_m=wanted.distance_m, standoff_m=wanted.standoff_m,
+            )  # fmt: skip
+        except ConfirmError as error:
+            self.confirm_problem = str(error)
+            return None
+
+    def _is_outside(self, vehicle: VehicleState) -> bool:
+        limits, (north_m, east_m, _) = self._config.limits, vehicle.position_ned_m
+        return math.hypot(north_m - limits.fence_north_m, east_m - limits.fence_east_m) >= limits.fence_radius_m

@@ -1,0 +1,175 @@
+"""What an operator's order does to a flight, and the answer he gets."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import Final, assert_never
+
+from control.engagement import State
+from control.preflight import Cause
+from control.types import VehicleMode
+from gcs.errors import GcsError, SelectionError
+from gcs.flight import Flight
+from gcs.flight_control import Act, Tick
+from gcs.operator.orders import (
+    Abort,
+    Acknowledge,
+    Confirm,
+    Hold,
+    Land,
+    Order,
+    Quit,
+    Return,
+    Select,
+    SetDistance,
+    SetMode,
+    SetStandoff,
+    TakeOff,
+)
+from gcs.selection import check_box
+
+_SELECT_S: Final = 5.0
+_RELEASE_S: Final = 5.0
+_ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
+
+
+class RefusedError(GcsError):
+    """An order that is not carried out now, with every reason."""
+
+
+class Orders:
+    """The flight as operators see it (`gcs.operator.terminal.Flying`)."""
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+
+    def status_line(self) -> str:
+        """The state of everything in one line."""
+        return self._flight.status_line()
+
+    async def perform(self, order: Order) -> str:
+        """Do it and answer in one line; GcsError with the reason if it is not done."""
+        flight, control = self._flight, self._flight.control
+        match order:
+            case Select():
+                return await self._select(order)
+            case Confirm():
+                return await self._confirm()
+            case Acknowledge():
+                control.act(Act.ACKNOWLEDGE)
+                return "acknowledged"
+            case Abort():
+                control.act(Act.ABORT)
+                return "abort: zero, then hold"
+            case Hold():
+                return await self._hold()
+            case TakeOff(height_m):
+                return await self._take_off(height_m)
+            case Land():
+                await self._let_go()
+                await flight.link.actions.land()
+                return "landing"
+            case Return():
+                await self._let_go()
+                await flight.link.actions.return_to_launch()
+                return "returning home"
+            case SetMode() | SetStandoff() | SetDistance():
+                return self._want(order)
+            case Quit():
+                flight.stop()
+                return "leaving"
+            case _:
+                assert_never(order)
+
+    async def _select(self, order: Select) -> str:
+        flight = self._flight
+        if flight.control.is_engaged:
+            raise RefusedError("a target is being followed: abort first")
+        box = check_box(order.box, flight.camera.width_px, flight.camera.height_px)
+        number = flight.vision.select(box, order.frame)
+        flight.control.select(number)
+        try:
+            async with asyncio.timeout(_SELECT_S):
+                while (seen := await flight.next_seen()).selection != number:
+                    pass
+        except TimeoutError:
+            raise SelectionError(f"no picture came within {_SELECT_S:g} s to select in") from None
+        if seen.problem is not None:
+            flight.control.select(0)
+            raise SelectionError(seen.problem)
+        x, y, w, h = box.xywh
+        return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; `follow` confirms"
+
+    async def _confirm(self) -> str:
+        flight = self._flight
+        if flight.control.is_engaged:
+            return "already following"
+        flight.control.act(Act.CONFIRM)
+        tick = await flight.next_tick()
+        refused = () if tick.output.engaging else self._why_not(tick)
+        if refused:
+            raise RefusedError("not following: " + "; ".join(refused))
+        while tick.output.engaging:
+            tick = await flight.next_tick()
+        if tick.output.state in _ENDED:
+            raise RefusedError("not following: " + "; ".join(cause.value for cause in tick.output.reasons))
+        confirmation = flight.control.confirmation
+        assert confirmation is not None
+        return f"{confirmation.mode.value} confirmed at {confirmation.standoff_m:.1f} m"
+
+    def _why_not(self, tick: Tick) -> tuple[str, ...]:
+        if tick.output.state in (State.FOLLOWING, State.COASTING):  # the vehicle was in external control before
+            return ()
+        problem = self._flight.control.confirm_problem
+        return tuple(
+            problem if cause is Cause.NO_DISTANCE and problem else cause.value for cause in tick.output.reasons
+        )
+
+    async def _hold(self) -> str:
+        if self._flight.control.is_engaged:
+            await self._let_go()
+        else:
+            await self._flight.link.modes.hold()
+        return f"the vehicle is in {self._mode().value}"
+
+    async def _take_off(self, height_m: float | None) -> str:
+        flight = self._flight
+        if flight.control.is_engaged:
+            raise RefusedError("a target is being followed: abort first")
+        height_m = flight.config.vehicle.takeoff_height_m if height_m is None else height_m
+        if not flight.link.telemetry.vehicle_state().armed:
+            await flight.link.actions.arm()
+        await flight.link.actions.takeoff(height_m)
+        return f"at {flight.link.telemetry.vehicle_state().height_m:.1f} m"
+
+    async def _let_go(self) -> None:
+        """Before any other mode: zero and hold, so that what comes next is not taken for a pilot's takeover."""
+        if not self._flight.control.is_engaged:
+            return
+        self._flight.control.act(Act.ABORT)
+        try:
+            async with asyncio.timeout(_RELEASE_S):
+                while self._flight.control.is_engaged or self._mode() is VehicleMode.EXTERNAL:
+                    await self._flight.next_tick()
+        except TimeoutError:
+            raise RefusedError(f"the vehicle does not hold: its mode is {self._mode().value}") from None
+
+    def _want(self, order: SetMode | SetStandoff | SetDistance) -> str:
+        control = self._flight.control
+        match order:
+            case SetMode(mode):
+                control.wanted = replace(control.wanted, mode=mode)
+            case SetStandoff(standoff_m):
+                control.wanted = replace(control.wanted, standoff_m=standoff_m)
+            case SetDistance(distance_m):
+                control.wanted = replace(control.wanted, distance_m=distance_m)
+            case _:
+                assert_never(order)
+        wanted = control.wanted
+        standoff = "as at that moment" if wanted.standoff_m is None else f"{wanted.standoff_m:g} m"
+        distance = "from height and view angle" if wanted.distance_m is None else f"{wanted.distance_m:g} m"
+        return f"the next confirmation: {wanted.mode.value}, standoff {standoff}, distance {distance}"
+
+    def _mode(self) -> VehicleMode:
+        return self._flight.link.telemetry.vehicle_state().mode

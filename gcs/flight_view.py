@@ -1,0 +1,175 @@
+"""What people and files get to see of a flight: status, live line, overlay; made of facts, deciding nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+from control.attitude import AttitudeBuffer
+from control.camera import CameraModel, box_of
+from control.config import FollowConfig
+from control.engagement import State
+from control.follow import distance_m
+from control.modes import Confirmation, ground_distance_m
+from control.types import BearingMeasurement, TargetState, VehicleState
+from gcs import hud
+from gcs.flight_control import Tick
+from gcs.flight_vision import Seen
+from tracker.box import Box
+
+_TONES: Mapping[State, hud.Tone] = MappingProxyType(
+    {
+        State.NO_VIDEO: hud.Tone.ALARM,
+        State.IDLE: hud.Tone.CALM,
+        State.SELECTED: hud.Tone.CALM,
+        State.FOLLOWING: hud.Tone.GOOD,
+        State.COASTING: hud.Tone.CAUTION,
+        State.LOST_HOLD: hud.Tone.CAUTION,
+        State.RELEASED: hud.Tone.ALARM,
+        State.TAKEN_OVER: hud.Tone.ALARM,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Everything an operator's display needs; None = not known."""
+
+    t_s: float
+    state: State
+    engaging: bool
+    reasons: tuple[str, ...]
+    vehicle: VehicleState
+    confidence: float | None
+    distance_m: float | None
+    standoff_m: float | None
+    latency_s: float | None
+    video_fps: float
+    limited_by: tuple[str, ...]
+
+    @property
+    def headline(self) -> str:
+        """The state in capitals, with what is behind it."""
+        name = "ENGAGING" if self.engaging else self.state.value.upper()
+        return f"{name}: {self.reasons[0]}" if self.reasons else name
+
+
+def status_line(status: Status) -> str:
+    """One line of text for a terminal."""
+    vehicle = status.vehicle
+    parts = [status.headline, vehicle.mode.value, "armed" if vehicle.armed else "disarmed"]
+    if vehicle.position_t_s is not None:
+        parts.append(f"{vehicle.height_m:.1f} m high")
+    if vehicle.battery_frac is not None:
+        parts.append(f"bat {vehicle.battery_frac:.0%}")
+    if status.confidence is not None:
+        parts.append(f"conf {status.confidence:.2f}")
+    if status.distance_m is not None:
+        wanted = f"/{status.standoff_m:.1f}" if status.standoff_m is not None else ""
+        parts.append(f"dist {status.distance_m:.1f}{wanted} m")
+    if status.latency_s is not None:
+        parts.append(f"{status.latency_s * 1000:.0f} ms")
+    parts.append(f"{status.video_fps:.0f} fps")
+    if status.limited_by:
+        parts.append("limited: " + ", ".join(status.limited_by))
+    return " · ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One frame with everything that is known of it; predicted: the filter's box at capture time."""
+
+    seen: Seen
+    status: Status
+    measurement: BearingMeasurement | None
+    predicted: Box | None
+
+
+class Watcher(Protocol):
+    """Is told of every frame and every tick, on the event loop; must not wait and must not raise."""
+
+    def saw(self, sighting: Sighting) -> None:
+        """A frame has been through the tracker."""
+        ...
+
+    def ticked(self, tick: Tick) -> None:
+        """A decision has been made, and what it let through has been sent."""
+        ...
+
+
+def make_status(
+    now_s: float,
+    tick: Tick | None,
+    vehicle: VehicleState,
+    confirmation: Confirmation | None,
+    follow: FollowConfig,
+    video_fps: float,
+) -> Status:
+    """The status after this tick."""
+    if tick is None:
+        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, ())
+    tracked = tick.inputs.selected and tick.inputs.latency_s is not None
+    return Status(
+        t_s=now_s,
+        state=tick.output.state,
+        engaging=tick.output.engaging,
+        reasons=tuple(cause.value for cause in tick.output.reasons),
+        vehicle=vehicle,
+        confidence=tick.inputs.confidence if tracked else None,
+        distance_m=_distance_m(tick.target, vehicle, confirmation, follow) if tracked else None,
+        standoff_m=confirmation.standoff_m if confirmation is not None else None,
+        latency_s=tick.inputs.latency_s,
+        video_fps=video_fps,
+        limited_by=tick.request.limited_by if tick.request is not None else (),
+    )
+
+
+def _distance_m(
+    target: TargetState | None, vehicle: VehicleState, confirmation: Confirmation | None, follow: FollowConfig
+) -> float | None:
+    if target is None:
+        return None
+    if confirmation is not None:
+        return distance_m(confirmation, target)
+    return ground_distance_m(target, vehicle, follow)
+
+
+def predicted_box(camera: CameraModel, attitude: AttitudeBuffer, target: TargetState | None, seen: Seen) -> Box | None:
+    """The filter's target at the frame's capture time, projected into the frame; shaped like the tracker's box."""
+    angles = attitude.at(seen.frame.t_capture_s)
+    if target is None or seen.result is None or angles is None:
+        return None
+    like = seen.result.box
+    found = box_of(camera, target, angles, like.w_px / like.h_px if like.is_valid else 1.0)
+    if found is None or not all(map(math.isfinite, found)):
+        return None
+    return Box(*found)
+
+
+def overlay(sighting: Sighting, watermark: str | None) -> hud.Overlay:
+    """What stands on the picture."""
+    status, result = sighting.status, sighting.seen.result
+    vehicle = status.vehicle
+    lines = [f"{vehicle.mode.value}  {vehicle.height_m:.1f} m high  {math.hypot(*vehicle.velocity_ned_mps):.1f} m/s"]
+    if status.reasons:
+        lines.append("; ".join(status.reasons))
+    if status.limited_by:
+        lines.append("limited: " + ", ".join(status.limited_by))
+    error_m = None
+    if status.distance_m is not None and status.standoff_m is not None:
+        error_m = status.distance_m - status.standoff_m
+    return hud.Overlay(
+        state="ENGAGING" if status.engaging else status.state.value.upper(),
+        tone=_TONES[status.state],
+        box=result.box if result is not None else None,
+        predicted=sighting.predicted,
+        confidence=result.confidence if result is not None else None,
+        distance_m=status.distance_m,
+        standoff_error_m=error_m,
+        latency_s=status.latency_s,
+        watermark=watermark,
+        lines=tuple(lines),
+    )

@@ -1,0 +1,141 @@
+"""Eyes of a flight: reads the newest frame and tracks the selection in it, on one thread of its own.
+
+Never on asyncio's default threads, which MAVSDK and file work share; PyTorch and OpenCV release the
+interpreter lock, so the 20 Hz control task goes on meanwhile.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.clock import Clock
+from gcs.tracking import BoxTracker
+from gcs.video import Frame, VideoSource
+from gcs.video.frame import Image
+from tracker.box import Box, TrackResult
+
+_READ_S = 0.2
+_CLOSE_S = 5.0
+_FROZEN_FRAMES, _FROZEN_S = 10, 0.5
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What became of one frame.
+
+    selection: which selection it belongs to, counted from 1; 0 = nothing is selected.
+    result: None where nothing is tracked, the video stands still, or the tracker failed (`problem`).
+    track_s: time the tracker took. t_done_s: when the result was there (monotonic).
+    """
+
+    frame: Frame
+    selection: int
+    result: TrackResult | None
+    t_done_s: float
+    track_s: float = 0.0
+    frozen: bool = False
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Selection:
+    number: int
+    box: Box | None  # None = forget the target
+    frame: Frame | None
+
+
+class StillPicture:
+    """Notices a video that repeats one picture under new time stamps."""
+
+    def __init__(self) -> None:
+        self._last: Image | None = None
+        self._same = 0
+        self._since_s = 0.0
+
+    def update(self, image_bgr: Image, t_s: float) -> bool:
+        """True from the tenth equal picture on, if they span half a second."""
+        if self._last is not None and np.array_equal(self._last, image_bgr):
+            self._same += 1
+        else:
+            self._last, self._same, self._since_s = image_bgr, 1, t_s
+        return self._same >= _FROZEN_FRAMES and t_s - self._since_s >= _FROZEN_S
+
+
+class Vision:
+    """Give it selections from any thread; it gives each frame to `deliver` on its own thread."""
+
+    def __init__(self, source: VideoSource, tracker: BoxTracker, clock: Clock, deliver: Callable[[Seen], None]) -> None:
+        self._source = source
+        self._tracker = tracker
+        self._clock = clock
+        self._deliver = deliver
+        self._still = StillPicture()
+        self._lock = threading.Lock()
+        self._asked: _Selection | None = None
+        self._selections = 0
+        self._tracking = 0  # number of the selection the tracker holds, 0 = none
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="vision", daemon=True)
+
+    def select(self, box: Box | None, frame: Frame | None = None) -> int:
+        """Track the box from its frame (None: the next one) on; box None forgets. Returns its number."""
+        with self._lock:
+            self._selections += 1
+            self._asked = _Selection(self._selections, box, frame)
+            return self._selections
+
+    def step(self, frame: Frame) -> Seen:
+        """Track in one frame; what `run` does for each. Only one thread may call it."""
+        t_start_s = self._clock.now_s()
+        frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
+        with self._lock:
+            asked, self._asked = self._asked, None
+        try:
+            result = self._track(frame, asked)
+        except ValueError as error:  # a box or picture that cannot be tracked
+            return self._failed(frame, asked, str(error))
+        except Exception as error:  # the edge of the tracker's thread: out of memory, a fault of torch
+            log.exception("tracker")
+            return self._failed(frame, asked, f"the tracker failed: {type(error).__name__}")
+        now_s = self._clock.now_s()
+        if frozen:
+            return Seen(frame, self._tracking, None, now_s, now_s - t_start_s, True, "the picture stands still")
+        return Seen(frame, self._tracking, result, now_s, now_s - t_start_s)
+
+    def _track(self, frame: Frame, asked: _Selection | None) -> TrackResult | None:
+        if asked is not None:
+            self._tracking = 0
+            if asked.box is None:
+                return None
+            first = asked.frame or frame
+            self._tracker.init(first.image_bgr, asked.box)
+            self._tracking = asked.number
+        return self._tracker.update(frame.image_bgr) if self._tracking else None
+
+    def _failed(self, frame: Frame, asked: _Selection | None, problem: str) -> Seen:
+        number = asked.number if asked is not None else self._tracking
+        self._tracking = 0
+        return Seen(frame, number, None, self._clock.now_s(), problem=problem)
+
+    def start(self) -> None:
+        """Begin reading."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stop.is_set() and not self._source.ended:
+            frame = self._source.read(_READ_S)
+            if frame is not None and not self._stop.is_set():
+                self._deliver(self.step(frame))
+
+    def close(self) -> None:
+        """Stop the thread (waits for the frame under way) and close the video."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(_CLOSE_S)
+        self._source.close()

@@ -1,0 +1,163 @@
+"""Everything an operator can ask of a flight, and the words for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TypeAlias
+
+from control.modes import FollowMode
+from gcs.video import Frame
+from tracker.box import Box
+
+
+class OrderError(ValueError):
+    """A line that is no order; says what was expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Select:
+    """Track what is in the box (px); frame: the picture it was drawn on, None for the newest. Moves nothing."""
+
+    box: Box
+    frame: Frame | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Confirm:
+    """Follow what is tracked; the one deliberate act that lets the vehicle move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledge:
+    """Seen that following has ended by itself, or that the pilot took over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Abort:
+    """Zero velocity at once, then the vehicle's hold mode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """The vehicle's hold mode, following or not."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakeOff:
+    """Arm and climb; None takes the configured height above home (m)."""
+
+    height_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Land here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """Fly home and land there."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetMode:
+    """What the next confirmation asks for."""
+
+    mode: FollowMode
+
+
+@dataclass(frozen=True, slots=True)
+class SetStandoff:
+    """Ground distance (m) for the next confirmation; None keeps the one at that moment."""
+
+    standoff_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SetDistance:
+    """Ground distance (m) now, as the operator sees it; None lets height and view angle tell."""
+
+    distance_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Quit:
+    """Stop, hold and leave."""
+
+
+Order: TypeAlias = (
+    Select | Confirm | Acknowledge | Abort | Hold | TakeOff | Land | Return | SetMode | SetStandoff | SetDistance | Quit
+)
+
+HELP = (
+    "box X Y W H · follow · abort · ack · mode follow|spotlight · standoff M|now · distance M|auto · "
+    "hold · takeoff [M] · land · rtl · quit"
+)
+
+
+def parse_order(line: str) -> Order:
+    """The order of one line; OrderError says what is wrong with it."""
+    words = line.lower().split()
+    if not words:
+        raise OrderError(f"nothing said; {HELP}")
+    name, args = words[0], words[1:]
+    if name not in _ORDERS:
+        raise OrderError(f"{name!r} is not known; {HELP}")
+    form, make = _ORDERS[name]
+    try:
+        return make(*args)
+    except (TypeError, ValueError):
+        raise OrderError(f"{line.strip()!r}: expected {form}") from None
+
+
+def _box(x: str, y: str, w: str, h: str) -> Select:
+    box = Box.from_xywh(*map(float, (x, y, w, h)))
+    if not box.is_valid:
+        raise ValueError(box)
+    return Select(box)
+
+
+def line_of(box: Box) -> str:
+    """The box as the `box` order takes it."""
+    return "box " + " ".join(f"{value:.1f}" for value in box.xywh)
+
+
+def _positive_m(text: str) -> float:
+    value = float(text)
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(text)
+    return value
+
+
+def _takeoff(height: str | None = None) -> TakeOff:
+    return TakeOff(None if height is None else _positive_m(height))
+
+
+def _standoff(text: str) -> SetStandoff:
+    return SetStandoff(None if text == "now" else _positive_m(text))
+
+
+def _distance(text: str) -> SetDistance:
+    return SetDistance(None if text == "auto" else _positive_m(text))
+
+
+_ORDERS: Mapping[str, tuple[str, Callable[..., Order]]] = MappingProxyType(
+    {
+        "box": ("box X Y W H in pixels, X and Y of the top-left corner", _box),
+        "follow": ("follow", Confirm),
+        "abort": ("abort", Abort),
+        "ack": ("ack", Acknowledge),
+        "hold": ("hold", Hold),
+        "takeoff": ("takeoff [HEIGHT in metres above home]", _takeoff),
+        "land": ("land", Land),
+        "rtl": ("rtl", Return),
+        "spotlight": ("spotlight", lambda: SetMode(FollowMode.SPOTLIGHT)),
+        "mode": ("mode follow or mode spotlight", lambda name: SetMode(FollowMode(name))),
+        "standoff": ("standoff METRES or standoff now", _standoff),
+        "distance": ("distance METRES or distance auto", _distance),
+        "quit": ("quit", Quit),
+    }
+)
