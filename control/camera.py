@@ -19,7 +19,8 @@ Angles = tuple[float, float, float]
 
 # FRD from camera at zero mount: camera z is forward, x is right, y is down.
 _FRD_FROM_CAMERA: Array = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-_UNDISTORT_STEPS = 20
+_UNDISTORT_STEPS = 100
+_UNDISTORT_TOLERANCE = 1e-9  # on the plane at z = 1
 _MAX_LOG_SIZE, _MIN_LOG_SIZE = 3.0, -12.0
 
 
@@ -109,7 +110,7 @@ def _distort(camera: CameraModel, x: float, y: float) -> tuple[float, float]:
 
 
 def _undistort(camera: CameraModel, xd: float, yd: float) -> tuple[float, float]:
-    """Fixed-point iteration of the inverse, as OpenCV's undistortPoints does it."""
+    """Fixed-point iteration of the inverse, like OpenCV's undistortPoints, but until it stands still."""
     if not any(camera.distortion):
         return xd, yd
     k1, k2, p1, p2, k3 = camera.distortion
@@ -119,7 +120,10 @@ def _undistort(camera: CameraModel, xd: float, yd: float) -> tuple[float, float]
         radial = max(1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 0.1)
         dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
         dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        before = x, y
         x, y = (xd - dx) / radial, (yd - dy) / radial
+        if math.dist(before, (x, y)) < _UNDISTORT_TOLERANCE:
+            break
     return x, y
 
 
@@ -143,7 +147,8 @@ def project(
     camera: CameraModel, direction_ned: Array, roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> tuple[float, float] | None:
     """Pixel (u, v) of a direction (3,) in NED, maybe outside the picture; None if behind the camera."""
-    x, y, z = _ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad)).T @ np.asarray(direction_ned, float)
+    rotation = _ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad))
+    x, y, z = (float(v) for v in rotation.T @ np.asarray(direction_ned, float))
     if z <= 1e-6 * math.hypot(x, y, z) or not math.isfinite(z):
         return None
     xd, yd = _distort(camera, x / z, y / z)

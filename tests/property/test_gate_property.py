@@ -58,7 +58,7 @@ vehicles = st.one_of(
 )
 
 
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(st.lists(st.tuples(requests, vehicles, any_stamp), min_size=1, max_size=4))
 def test_any_input_gives_nothing_or_something_safe(calls):
     limits, previous = Limits(), None

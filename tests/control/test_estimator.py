@@ -1,0 +1,225 @@
+"""The target filter against a filter written out in numpy, and what it does with bad, late and odd input."""
+
+import itertools
+import math
+import random
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from control.config import EstimatorConfig
+from control.estimator import TargetEstimator, process_noise, transition
+from control.types import BearingMeasurement
+
+CONFIG = EstimatorConfig()
+
+
+def sample(t, azimuth=0.5, elevation=-0.2, log_size=-2.5, confidence=0.9):
+    return BearingMeasurement(t, azimuth, elevation, log_size, confidence)
+
+
+def noisy_track(count=80, seed=3, rate=0.3):
+    rng = random.Random(seed)
+    t, track = 0.0, []
+    for _ in range(count):
+        t += rng.uniform(0.02, 0.12)
+        track.append(
+            sample(t, 0.5 + rate * t + rng.gauss(0, 0.004), -0.2 + rng.gauss(0, 0.004), -2.5 + rng.gauss(0, 0.03),
+                   rng.uniform(0.5, 1.0))
+        )  # fmt: skip
+    return track
+
+
+def oracle(track, t_end, config=CONFIG):
+    """Plain textbook filter, each of the three channels on its own, in the information-free Joseph-less form."""
+    names = ("azimuth_rad", "elevation_rad", "log_size")
+    q = (config.bearing_acceleration_rps2, config.elevation_acceleration_rps2, config.log_size_acceleration_ps2)
+    r = (config.bearing_std_rad, config.bearing_std_rad, config.log_size_std)
+    r0 = config.initial_bearing_rate_std_rps
+    rate0 = (r0, r0, config.initial_log_size_rate_std_ps)
+    result = []
+    for name, qi, ri, vi in zip(names, q, r, rate0, strict=True):
+        first = track[0]
+        x, v = getattr(first, name), 0.0
+        pxx, pxv, pvv = (ri / first.confidence) ** 2, 0.0, vi**2
+        last = first.t_capture_s
+        for m in [*track[1:], None]:
+            t = t_end if m is None else m.t_capture_s
+            dt, last = t - last, t
+            x += v * dt
+            pxx += 2 * dt * pxv + dt * dt * pvv + qi**2 * dt**3 / 3
+            pxv += dt * pvv + qi**2 * dt**2 / 2
+            pvv += qi**2 * dt
+            if m is not None:
+                s = pxx + (ri / m.confidence) ** 2
+                k1, k2, y = pxx / s, pxv / s, getattr(m, name) - x
+                x, v = x + k1 * y, v + k2 * y
+                pxx, pxv, pvv = pxx - k1 * pxx, pxv - k1 * pxv, pvv - k2 * pxv
+        result.append((x, v, math.sqrt(pxx), math.sqrt(pvv)))
+    return result
+
+
+def test_equal_to_the_filter_written_out_by_hand():
+    track, estimator = noisy_track(), TargetEstimator()
+    for m in track:
+        assert estimator.update(m)
+    end = track[-1].t_capture_s + 0.13
+    state = estimator.predict(end)
+    (a, ar, a_std, ar_std), (e, er, e_std, _), (s, sr, s_std, sr_std) = oracle(track, end)
+    got = (
+        state.elevation_rad, state.elevation_rate_rps, state.log_size, state.log_size_rate_ps,
+        state.azimuth_std_rad, state.azimuth_rate_std_rps, state.log_size_std, state.azimuth_rate_rps,
+        state.elevation_std_rad, state.log_size_rate_std_ps,
+    )  # fmt: skip
+    assert got == pytest.approx((e, er, s, sr, a_std, ar_std, s_std, ar, e_std, sr_std), rel=1e-9, abs=1e-12)
+    assert math.remainder(state.azimuth_rad - a, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+def test_finds_the_rate_of_a_target_that_circles_through_south():
+    estimator = TargetEstimator()
+    for n in range(300):
+        t = n * 0.05
+        azimuth = math.remainder(0.8 * t, 2 * math.pi)
+        assert estimator.update(sample(t, azimuth)), f"refused at {t} s, azimuth {azimuth}"
+    state = estimator.predict(15.0)
+    assert state.azimuth_rate_rps == pytest.approx(0.8, abs=1e-3)
+    assert state.azimuth_rad == pytest.approx(math.remainder(0.8 * 15.0, 2 * math.pi), abs=1e-3)
+
+
+def test_every_order_of_arrival_gives_the_same_state():
+    track = noisy_track(count=5)
+    reference = None
+    for order in itertools.permutations(track[1:]):
+        estimator = TargetEstimator(EstimatorConfig(history_s=5.0))
+        for m in (track[0], *order):
+            estimator.update(m)
+        state = estimator.predict(1.0)
+        reference = reference or state
+        assert state == reference
+
+
+def test_a_late_measurement_is_fused_at_its_own_time():
+    in_time, late, without = TargetEstimator(), TargetEstimator(), TargetEstimator()
+    track = noisy_track(count=40)
+    held = track[33]
+    for m in track:
+        in_time.update(m)
+        if m is not held:
+            late.update(m)
+            without.update(m)
+    assert late.predict(5.0) == without.predict(5.0)
+    assert late.update(held)
+    assert late.predict(5.0) == in_time.predict(5.0)
+    assert late.predict(5.0) != without.predict(5.0)
+
+
+def test_a_measurement_older_than_the_history_or_known_already_is_refused():
+    estimator = TargetEstimator(EstimatorConfig(history_s=0.5))
+    for n in range(40):
+        estimator.update(sample(n * 0.05))
+    before = estimator.predict(3.0)
+    assert not estimator.update(sample(0.51))
+    assert not estimator.update(sample(-1.0))
+    assert not estimator.update(sample(39 * 0.05))
+    assert estimator.predict(3.0) == before
+    assert estimator.update(sample(1.93))
+
+
+def test_a_jump_is_rejected_counted_and_leaves_the_track_alone():
+    estimator = TargetEstimator()
+    for n in range(40):
+        estimator.update(sample(n * 0.05))
+    for n in range(5):
+        assert not estimator.update(sample(2.0 + n * 0.05, azimuth=-1.5))
+        assert estimator.rejections_in_a_row == n + 1
+    state = estimator.predict(2.2)
+    assert state.rejections_in_a_row == 5
+    assert state.measured_t_s == pytest.approx(1.95)
+    assert state.azimuth_rad == pytest.approx(0.5, abs=0.01)
+    assert estimator.update(sample(2.25))
+    assert estimator.rejections_in_a_row == 0
+
+
+@pytest.mark.parametrize(
+    ("offset", "accepted"),
+    [({"azimuth": 0.5}, True), ({"elevation": 0.1}, False), ({"log_size": -1.0}, False), ({}, True)],
+)
+def test_the_gate_looks_at_all_three(offset, accepted):
+    estimator = TargetEstimator()
+    for n in range(40):
+        estimator.update(sample(n * 0.05))
+    assert estimator.update(replace_measurement(sample(2.0), offset)) is accepted
+
+
+def replace_measurement(m, offset):
+    names = {"azimuth": "azimuth_rad", "elevation": "elevation_rad", "log_size": "log_size"}
+    return replace(m, **{names[k]: v for k, v in offset.items()})
+
+
+@pytest.mark.parametrize("field", ["t_capture_s", "azimuth_rad", "elevation_rad", "log_size", "confidence"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_nan_and_inf_change_nothing(field, bad):
+    estimator = TargetEstimator()
+    assert not estimator.update(replace(sample(0.0), **{field: bad}))
+    assert estimator.predict(1.0) is None
+    for n in range(10):
+        estimator.update(sample(n * 0.05))
+    before = estimator.predict(1.0)
+    assert not estimator.update(replace(sample(0.6), **{field: bad}))
+    assert estimator.predict(1.0) == before
+
+
+def test_a_weak_score_weighs_less_and_below_the_floor_nothing():
+    pulls = []
+    for confidence in (1.0, 0.5, 0.3):
+        estimator = TargetEstimator()
+        for n in range(40):
+            estimator.update(sample(n * 0.05))
+        assert estimator.update(sample(2.0, azimuth=0.51, confidence=confidence))
+        pulls.append(estimator.predict(2.0).azimuth_rad - 0.5)
+    assert pulls[0] > pulls[1] > pulls[2] > 0
+    before = estimator.predict(3.0)
+    assert not estimator.update(sample(2.1, azimuth=0.51, confidence=0.19))
+    assert estimator.predict(3.0) == before
+
+
+def test_prediction_leaves_the_filter_alone_and_grows_less_sure():
+    estimator = TargetEstimator()
+    assert estimator.predict(0.0) is None
+    for m in noisy_track():
+        estimator.update(m)
+    end = noisy_track()[-1].t_capture_s
+    near, far = estimator.predict(end + 0.1), estimator.predict(end + 1.0)
+    assert far.azimuth_std_rad > near.azimuth_std_rad > 0
+    assert far.azimuth_rad == pytest.approx(near.azimuth_rad + 0.9 * near.azimuth_rate_rps)
+    assert estimator.predict(end + 0.1) == near
+    assert estimator.predict(math.nan) is None
+    assert estimator.predict(end - 0.5) is not None
+    estimator.reset()
+    assert estimator.predict(end) is None
+    assert estimator.rejections_in_a_row == 0
+
+
+def test_process_noise_composes():
+    whole = process_noise(0.3, CONFIG)
+    f = transition(0.2)
+    assert f @ process_noise(0.1, CONFIG) @ f.T + process_noise(0.2, CONFIG) == pytest.approx(whole)
+    assert np.all(np.linalg.eigvalsh(whole) >= -1e-12)
+
+
+def test_covariance_stays_symmetric_and_positive():
+    estimator = TargetEstimator()
+    for m in noisy_track(count=400):
+        estimator.update(m)
+    p = estimator._steps[-1].p
+    assert np.array_equal(p, p.T)
+    assert np.all(np.linalg.eigvalsh(p) > 0)
+
+
+def test_importing_control_does_not_import_filterpy():
+    code = "import sys, control.estimator, control.follow; print('filterpy' in sys.modules, 'scipy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
