@@ -58,7 +58,10 @@ def _read(path: Path) -> dict[str, Tensor]:
         raise WeightsError(f"{path}: no such checkpoint")
     try:
         content: Any = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
+    except pickle.UnpicklingError as error:
+        # PyTorch's own words here advise switching the protection off.
+        raise WeightsError(f"{path}: is no checkpoint, or holds more than plain tensors; not loaded") from error
+    except (RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise WeightsError(f"{path}: cannot be read as plain tensors: {reason}") from error
     if isinstance(content, dict) and isinstance(content.get("state_dict"), dict):
