@@ -14,11 +14,8 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn, TypeAlias
 
-from gcs.errors import GcsError, one_line
+from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, GcsError, one_line
 
-EXIT_USAGE = 2
-EXIT_FAULT = 1
-EXIT_INTERRUPTED = 130
 # The libraries raise ValueErrors of their own for bad input; a plain ValueError is a fault of ours.
 LIBRARIES = ("tracker", "control", "sitl_mocks", "gcs")
 

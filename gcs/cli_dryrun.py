@@ -16,7 +16,7 @@ from control.camera import CameraModel
 from gcs.config import load
 from gcs.dryrun import Options, run
 from gcs.dryrun_output import Summary
-from gcs.errors import GcsError, VideoError, one_line
+from gcs.errors import EXIT_INTERRUPTED, GcsError, VideoError, one_line
 from gcs.selection import parse_box
 from sitl_mocks import sequences
 
@@ -33,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
     show(summary, as_json=args.json)
     if summary.problem is not None:
         raise VideoError(summary.problem)
-    return 0
+    return EXIT_INTERRUPTED if summary.interrupted else 0
 
 
 def options_of(args: argparse.Namespace) -> Options:
@@ -65,7 +65,10 @@ def options_of(args: argparse.Namespace) -> Options:
 
 def of_sample(options: Options, name: str) -> Options:
     """The same for a shipped sequence, with its own boxes, telemetry and lens."""
-    name = name or next(iter(sequences.names()), "")
+    known = sequences.names()
+    name = name or next(iter(known), "")
+    if name not in known:
+        raise UsageError(f"--sample {name}: no such sequence; there are: {', '.join(known) or 'none'}")
     lens = json.loads(sequences.path(name, ".json").read_text())["lens"]
     camera = CameraModel.from_hfov(
         lens["width_px"],

@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from control.camera import CameraModel
-from control.engagement import State
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
 from gcs.dryrun_output import (
@@ -26,8 +25,9 @@ from gcs.dryrun_output import (
     prepare_folder,
     write_results,
 )
+from gcs.dryrun_view import overlay_of
 from gcs.errors import SelectionError, VideoError
-from gcs.hud import Overlay, Tone, draw
+from gcs.hud import Overlay, draw
 from gcs.messages import MessageLog
 from gcs.poses import RecordedPoses
 from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick, View
@@ -88,7 +88,7 @@ def run(
     tracker, one line each, when there is nothing to run.
     """
     poses = RecordedPoses.load(options.telemetry) if options.telemetry else None
-    truth = read_boxes(options.truth) if options.truth else None
+    truth = _read_truth(options.truth) if options.truth else None
     source = open_source(
         options.video,
         glass_delay_s=options.config.camera.glass_delay_s,
@@ -102,7 +102,7 @@ def run(
         box = _first_box(options, truth, first, source.size)
         camera = options.camera or options.config.camera.model(*source.size)
         tracker = tracker_factory(options.config.tracker)
-        tracker.init(first.image_bgr, box)
+        _start(tracker, first, box)
         dry_run = _DryRun(options, source, tracker, camera, poses)
         return dry_run.run(first, box, truth, progress)
     finally:
@@ -141,16 +141,17 @@ class _DryRun:
 
     def run(self, first: Frame, box: Box, truth: Truth | None, progress: Progress) -> Summary:
         self._t0_s = first.t_capture_s
+        problem, interrupted = None, False
         try:
             # By the convention of one-pass evaluation the first frame's result is the given box.
             self._take(first, TrackResult(box, math.nan, 1.0), 0.0)
             progress(1, self._source.frame_count)
             problem = self._loop(progress)
         except KeyboardInterrupt:
-            problem = None if self._source.is_live else "stopped by the operator"
+            interrupted = not self._source.is_live
         finally:
             self._close()
-        summary = self._summary(box, truth, problem)
+        summary = replace(self._summary(box, truth, problem), interrupted=interrupted)
         write_results(self._out, summary, self._tally.boxes_xywh)
         return summary
 
@@ -203,23 +204,9 @@ class _DryRun:
             self._tally.track_s.append(track_s)
 
     def _overlay(self, result: TrackResult, view: View | None, track_s: float) -> Overlay:
-        state = self._last_tick.state if self._last_tick else State.SELECTED
-        error_m = None
-        if view is not None and view.distance_m is not None and view.standoff_m is not None:
-            error_m = view.distance_m - view.standoff_m
         total = self._source.frame_count
         count = f"frame {self._frames}" + (f"/{total}" if total else "")
-        return Overlay(
-            state=state.value.upper(),
-            tone=tone_of(state),
-            box=result.box,
-            predicted=view.predicted if view else None,
-            confidence=result.confidence,
-            distance_m=view.distance_m if view else None,
-            standoff_error_m=error_m,
-            watermark="DRY RUN",
-            lines=(_would_be_line(self._last_tick), f"{count}   tracker {track_s * 1e3:.0f} ms"),
-        )
+        return overlay_of(result, view, self._last_tick, f"{count}   tracker {track_s * 1e3:.0f} ms")
 
     def _close(self) -> None:
         self._tick_until(self._t_s + 1.0 / (self._source.fps or LIVE_FPS))
@@ -256,17 +243,18 @@ class _DryRun:
         )
 
 
-def tone_of(state: State) -> Tone:
-    """How urgent a state looks on the picture."""
-    match state:
-        case State.FOLLOWING:
-            return Tone.GOOD
-        case State.COASTING:
-            return Tone.CAUTION
-        case State.LOST_HOLD | State.RELEASED | State.TAKEN_OVER | State.NO_VIDEO:
-            return Tone.ALARM
-        case State.IDLE | State.SELECTED:
-            return Tone.CALM
+def _read_truth(path: Path) -> Truth:
+    try:
+        return read_boxes(path)
+    except UnicodeDecodeError as error:
+        raise SelectionError(f"{path}: not a text file of boxes") from error
+
+
+def _start(tracker: BoxTracker, first: Frame, box: Box) -> None:
+    try:
+        tracker.init(first.image_bgr, box)
+    except ValueError as error:
+        raise SelectionError(str(error)) from error
 
 
 def _first_box(
@@ -284,11 +272,3 @@ def _first_box(
             raise SelectionError(f"{options.truth}: the target is absent in the first frame; give --box x,y,w,h")
         return check_box(Box.from_xywh(*(float(v) for v in truth[0])), *size, MIN_TRUTH_SIDE_PX)
     raise SelectionError("nothing to track: give --box x,y,w,h, --select, or --boxes with ground truth")
-
-
-def _would_be_line(tick: Tick | None) -> str:
-    if tick is None or tick.would_be is None:
-        return "would-be setpoint: none"
-    north, east, down = tick.would_be.velocity_ned_mps
-    yaw_dps = math.degrees(tick.would_be.yaw_rate_rps)
-    return f"would-be  N {north:+.1f}  E {east:+.1f}  D {down:+.1f} m/s  yaw {yaw_dps:+.0f} deg/s"

@@ -62,6 +62,7 @@ class Summary:
     accuracy: Accuracy | None
     out: str
     problem: str | None = None
+    interrupted: bool = False  # a recorded video not run to its end; a live one has no other end
     notes: tuple[str, ...] = ()
 
     def line(self) -> str:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+EXIT_FAULT = 1  # a fault of this program
+EXIT_USAGE = 2  # bad input
+EXIT_INTERRUPTED = 130
+
 
 class GcsError(Exception):
     """The root: the command line prints `gcs: <message>` and exits with `exit_code`, without a traceback."""
 
-    exit_code = 2
+    exit_code = EXIT_USAGE
 
 
 class ConfigError(GcsError):
