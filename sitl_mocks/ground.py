@@ -120,7 +120,6 @@ def _copies(points_px: npt.NDArray[np.float64]) -> list[npt.NDArray[np.int32]]:
 
 def _paint_fields(rng: np.random.Generator, base: Floats) -> None:
     """Ploughed and cropped rectangles with rows, kept off the middle of the map's roads by being painted first."""
-    ys, xs = np.mgrid[0:MAP_PX, 0:MAP_PX].astype(np.float32)
     mask = np.zeros((MAP_PX, MAP_PX), np.uint8)
     for _ in range(14):
         mask[:] = 0
@@ -131,7 +130,9 @@ def _paint_fields(rng: np.random.Generator, base: Floats) -> None:
         x, y, w, h = cv2.boundingRect(np.round(corners).astype(np.int32))
         x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + w, MAP_PX), min(y + h, MAP_PX)
         part = np.s_[y0:y1, x0:x1]
-        across = xs[part] * math.cos(math.radians(angle)) + ys[part] * math.sin(math.radians(angle))
+        turn = math.radians(angle)
+        xs, ys = np.arange(x0, x1, dtype=np.float32), np.arange(y0, y1, dtype=np.float32)
+        across = xs[None] * np.float32(math.cos(turn)) + ys[:, None] * np.float32(math.sin(turn))
         rows = 0.5 + 0.5 * np.sin(across * np.float32(2 * math.pi / rng.uniform(8, 20)))
         weight = cv2.GaussianBlur(mask[part], (0, 0), 4).astype(np.float32) / 255
         colour = _CROP if rng.random() < 0.5 else _DIRT

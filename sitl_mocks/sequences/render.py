@@ -55,17 +55,18 @@ def record(name: str, recording: Recording, folder: Path) -> int:
     )
     if not video.isOpened():
         raise RecordingError(f"cannot write {folder / name}.mp4")
-    until_s, count = recording.start_s + recording.length_s, 0
+    until_s, count, first_t_s = recording.start_s + recording.length_s, 0, 0.0
     with (folder / f"{name}.txt").open("w") as boxes, (folder / f"{name}.jsonl").open("w") as telemetry:
         for moment in follow(scenario, recording.fps, until_s):
             if moment.t_s < recording.start_s:
                 continue
+            first_t_s = moment.t_s if count == 0 else first_t_s
             pose = (moment.position_ned_m, moment.roll_rad, moment.pitch_rad, moment.yaw_rad)
             rendered = camera.render(moment.t_s, *pose)
             video.write(rendered.image_bgr)
             box = visible_box(rendered.truth[scenario.world.target_name], lens)
             boxes.write(_line(box))
-            _write_moment(telemetry, moment, recording.start_s)
+            _write_moment(telemetry, moment, first_t_s)
             count += 1
     video.release()
     about = {"scenario": recording.scenario, "fps": recording.fps, "frames": count, "lens": asdict(lens)}
@@ -78,8 +79,8 @@ def _line(box: BoxXywh | None) -> str:
     return ",".join("NaN" if math.isnan(x) else f"{x:.1f}" for x in numbers) + "\n"
 
 
-def _write_moment(out: TextIO, moment: Moment, start_s: float) -> None:
-    row = asdict(moment) | {"t_s": moment.t_s - start_s}
+def _write_moment(out: TextIO, moment: Moment, first_t_s: float) -> None:
+    row = asdict(moment) | {"t_s": moment.t_s - first_t_s}
     rounded = {k: [round(x, 4) for x in v] if isinstance(v, tuple) else round(v, 5) for k, v in row.items()}
     out.write(json.dumps(rounded) + "\n")
 
