@@ -63,7 +63,7 @@ class BoxDrawing:
         self._selector = RectangleSelector(axes, self._drawn, useblit=False, interactive=True)
 
     def _drawn(self, _press: Any, _release: Any) -> None:
-        left, right, top, bottom = self._selector.extents
+        left, right, top, bottom = (float(edge) for edge in self._selector.extents)
         self.box = Box.from_xywh(left, top, right - left, bottom - top)
 
 
