@@ -16,8 +16,6 @@ def _ranged(low: float, default: float, high: float) -> float:
 def _check_ranges(config: Any) -> None:
     """ValueError naming field, range and value, for each field made by `_ranged`."""
     for f in fields(config):
-        if "low" not in f.metadata:
-            continue
         value, low, high = getattr(config, f.name), f.metadata["low"], f.metadata["high"]
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise ValueError(f"{f.name} must be from {low:g} to {high:g}, not {value!r}")
@@ -30,7 +28,7 @@ class EstimatorConfig:
     # Power spectral density of the angular acceleration is its square times one second.
     bearing_acceleration_rps2: float = _ranged(0.01, 0.5, 5.0)
     elevation_acceleration_rps2: float = _ranged(0.01, 0.15, 5.0)
-    log_size_acceleration_ps2: float = _ranged(0.01, 0.12, 5.0)
+    log_size_acceleration_ps2: float = _ranged(0.01, 0.15, 5.0)
     bearing_std_rad: float = _ranged(0.0002, 0.005, 0.2)
     log_size_std: float = _ranged(0.002, 0.04, 1.0)
     initial_bearing_rate_std_rps: float = _ranged(0.01, 0.5, 5.0)

@@ -80,7 +80,7 @@ class Engagement:
                 return self._engaged(now_s, inputs, gap_s) if self._engaging else self._waiting(now_s, inputs)
             case State.RELEASED | State.TAKEN_OVER:
                 return self._ended(now_s, inputs)
-            case _:
+            case _:  # pragma: no cover - the type checker proves it
                 assert_never(self._state)
 
     def _waiting(self, now_s: float, inputs: Inputs) -> Output:

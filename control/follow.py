@@ -94,7 +94,7 @@ def follow_wish(
             return spotlight(confirmation, target, vehicle, camera, config)
         case FollowMode.FOLLOW:
             return follow(confirmation, target, vehicle, camera, config, own_velocity_ned_mps, coasting=coasting)
-        case _:
+        case _:  # pragma: no cover - the type checker proves it
             assert_never(confirmation.mode)
 
 

@@ -18,6 +18,7 @@ from control.config import ControlConfig
 from control.estimator import TargetEstimator
 from control.follow import FollowState, follow_request
 from control.gate import Limits, Reason, Setpoint, gate
+from control.limits import zero_request
 from control.modes import FollowMode, confirm
 from control.types import VehicleMode, VehicleState
 
@@ -174,6 +175,8 @@ def fly(path: Path, setup: Setup) -> Result:
                     confirmed, predicted, state, camera, now, shaping, config,
                     velocity_factor=factor, coasting=unseen > 0.3,
                 )  # fmt: skip
+                if factor == 0.0:  # what the state machine does once the target is lost
+                    request, shaping = zero_request(now), FollowState.at_rest(now)
                 setpoint, reason = gate(request, state, now, setpoint, config.limits)
                 trims += reason is not Reason.PASSED
         if now >= setup.settle_s and tick % 5 == 0:

@@ -85,6 +85,11 @@ def test_distortion_is_undone_to_a_thousandth_of_a_pixel():
         assert (LENS.fx_px * xd + 320, LENS.fy_px * yd + 240) == pytest.approx((u, v), abs=1e-3)
 
 
+def test_a_lens_without_an_inverse_still_gives_a_direction():
+    fold = replace(CAMERA, distortion=(-3.0, 0.0, 0.0, 0.0, 0.0))
+    assert np.linalg.norm(ray_camera(fold, 0.0, 0.0)) == pytest.approx(1.0)
+
+
 angle = st.floats(-3.1, 3.1)
 tilt = st.floats(-0.6, 0.6)
 

@@ -1,0 +1,397 @@
+"""The state machine: its story tick by tick, and what holds in every state for every combination of flags."""
+
+import copy
+import itertools
+import math
+from dataclasses import replace
+
+import pytest
+
+from control.config import EngagementConfig
+from control.engagement import Action, Cause, Engagement, Inputs, State
+from control.preflight import refusals
+from control.types import VehicleMode, VehicleState
+
+CONFIG = EngagementConfig()
+TICK = 0.05
+
+
+def healthy(now, mode=VehicleMode.EXTERNAL, **changes):
+    """Everything green at this moment."""
+    vehicle = VehicleState(
+        heartbeat_t_s=now, mode=mode, mode_t_s=now, armed=True, in_air=True, attitude_t_s=now, position_t_s=now,
+        height_m=10.0, battery_frac=0.8,
+    )  # fmt: skip
+    vehicle_changes = {k: changes.pop(k) for k in list(changes) if k in VehicleState.__dataclass_fields__}
+    inputs = Inputs(
+        vehicle=replace(vehicle, **vehicle_changes), frame_t_s=now, selected=True, measured_t_s=now, confidence=0.9,
+        latency_s=0.15, attitude_rate_hz=50.0, request_t_s=now,
+    )  # fmt: skip
+    return replace(inputs, **changes)
+
+
+class Story:
+    """An engagement with a clock."""
+
+    def __init__(self):
+        self.machine, self.now, self.out = Engagement(CONFIG), 100.0, None
+
+    def tick(self, mode=VehicleMode.EXTERNAL, dt=TICK, **changes):
+        self.now += dt
+        self.out = self.machine.update(self.now, healthy(self.now, mode, **changes))
+        return self.out
+
+    def follow(self):
+        """Select, confirm, and be followed by a vehicle that takes up the mode."""
+        self.tick(VehicleMode.HOLD)
+        self.tick(VehicleMode.HOLD, confirm=True)
+        self.tick()
+        assert self.out.state is State.FOLLOWING
+        return self
+
+    def reach(self, state):
+        """Walk to a state the ordinary way."""
+        unseen = {"measured_t_s": self.now}
+        if state is State.NO_VIDEO:
+            self.tick(VehicleMode.HOLD, frame_t_s=None, selected=False)
+        elif state is State.IDLE:
+            self.tick(VehicleMode.HOLD, selected=False)
+        elif state is State.SELECTED:
+            self.tick(VehicleMode.HOLD)
+        else:
+            self.follow()
+            unseen = {"measured_t_s": self.now}
+            if state is State.COASTING:
+                self.ticks(8, **unseen)
+            elif state is State.LOST_HOLD:
+                self.ticks(22, **unseen)
+            elif state is State.RELEASED:
+                self.tick(abort=True)
+                self.ticks(12, mode=VehicleMode.HOLD)
+            elif state is State.TAKEN_OVER:
+                self.tick(VehicleMode.MANUAL)
+        assert self.out.state is state
+        return self
+
+    def ticks(self, count, **changes):
+        return [self.tick(**changes) for _ in range(count)]
+
+
+def test_selecting_moves_nothing_and_confirming_starts():
+    story = Story()
+    assert story.tick(VehicleMode.HOLD, frame_t_s=None, selected=False).state is State.NO_VIDEO
+    assert story.tick(VehicleMode.HOLD, selected=False).state is State.IDLE
+    selected = story.tick(VehicleMode.HOLD, select=True)
+    assert (selected.state, selected.action) == (State.SELECTED, Action.NONE)
+    for out in story.ticks(100, mode=VehicleMode.HOLD):
+        assert (out.state, out.action, out.velocity_factor) == (State.SELECTED, Action.NONE, 0.0)
+    confirmed = story.tick(VehicleMode.HOLD, confirm=True)
+    assert (confirmed.state, confirmed.action, confirmed.engaging) == (State.SELECTED, Action.ENGAGE, True)
+    following = story.tick()
+    assert (following.state, following.action, following.velocity_factor) == (
+        State.FOLLOWING, Action.SEND_REQUEST, 1.0,
+    )  # fmt: skip
+
+
+def test_a_vehicle_already_in_external_control_follows_at_once():
+    story = Story()
+    story.tick()
+    assert story.tick(confirm=True).state is State.FOLLOWING
+
+
+def test_a_refusal_lists_every_reason():
+    story = Story()
+    out = story.tick(
+        VehicleMode.MANUAL, confirm=True, selected=False, frame_t_s=None, measured_t_s=None, confidence=0.1,
+        distance_known=False, latency_s=0.5, attitude_rate_hz=3.0, heartbeat_t_s=None, attitude_t_s=None, armed=False,
+        in_air=False, height_m=1.0, failsafe=True, battery_frac=0.2, outside_fence=True, audit_ok=False,
+    )  # fmt: skip
+    assert out.action is Action.NONE
+    assert list(out.reasons) == list(Cause)[: list(Cause).index(Cause.ACKNOWLEDGE)]
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({"selected": False}, Cause.NOT_SELECTED),
+        ({"measured_t_s": None}, Cause.NO_TARGET),
+        ({"rejections_in_a_row": 5}, Cause.NO_TARGET),
+        ({"confidence": 0.49}, Cause.LOW_CONFIDENCE),
+        ({"distance_known": False}, Cause.NO_DISTANCE),
+        ({"attitude_rate_hz": 3.9}, Cause.ATTITUDE_SLOW),
+        ({"mode_t_s": None}, Cause.LINK_LOST),
+        ({"position_t_s": 0.0}, Cause.TELEMETRY_STALE),
+        ({"armed": False}, Cause.NOT_ARMED),
+        ({"in_air": False}, Cause.NOT_IN_AIR),
+        ({"height_m": 2.9}, Cause.TOO_LOW),
+        ({"failsafe": True}, Cause.FAILSAFE),
+        ({"battery_frac": 0.29}, Cause.BATTERY),
+        ({"outside_fence": True}, Cause.OUTSIDE_FENCE),
+        ({"audit_ok": False}, Cause.AUDIT),
+    ],
+)
+def test_each_reason_alone_refuses(change, cause):
+    story = Story()
+    story.tick(VehicleMode.HOLD)
+    out = story.tick(VehicleMode.HOLD, confirm=True, **change)
+    assert out.reasons == (cause,)
+    assert out.action is Action.NONE
+    assert not out.engaging
+
+
+@pytest.mark.parametrize("latency", [None, 0.41, math.nan, -0.1])
+def test_an_unknown_or_long_latency_refuses(latency):
+    out = refusals(healthy(1.0, latency_s=latency), 1.0, CONFIG)
+    assert set(out) == {Cause.LATENCY, Cause.NO_TARGET}
+
+
+def test_an_unknown_battery_does_not_refuse():
+    assert refusals(healthy(1.0, battery_frac=None), 1.0, CONFIG) == ()
+
+
+@pytest.mark.parametrize("mode", set(VehicleMode) - {VehicleMode.HOLD, VehicleMode.EXTERNAL})
+def test_only_hold_or_external_may_be_confirmed(mode):
+    assert refusals(healthy(1.0, mode), 1.0, CONFIG) == (Cause.MODE,)
+
+
+def test_a_vehicle_that_does_not_take_up_the_mode_is_released():
+    story = Story()
+    story.tick(VehicleMode.HOLD)
+    story.tick(VehicleMode.HOLD, confirm=True)
+    outs = story.ticks(32, mode=VehicleMode.HOLD)
+    assert outs[28].action is Action.ENGAGE
+    last = outs[-1]
+    assert (last.state, last.action, last.reasons) == (
+        State.RELEASED, Action.COMMAND_HOLD, (Cause.MODE_REFUSED,),
+    )  # fmt: skip
+
+
+def test_the_pilot_wins_while_engaging_too():
+    story = Story()
+    story.tick(VehicleMode.HOLD)
+    story.tick(VehicleMode.HOLD, confirm=True)
+    out = story.tick(VehicleMode.MANUAL)
+    assert (out.state, out.action) == (State.TAKEN_OVER, Action.SILENCE)
+
+
+def test_an_unseen_target_fades_holds_and_releases_on_time():
+    story = Story().follow()
+    seen = story.now
+    outs = [(story.now - seen, story.tick(measured_t_s=seen)) for _ in range(64)]
+    outs = [(round(t + TICK, 3), out) for t, out in outs]
+    for age, out in outs:
+        if age <= 0.3:
+            assert (out.state, out.velocity_factor) == (State.FOLLOWING, 1.0)
+        elif age < 0.999:
+            assert out.state is State.COASTING
+            assert out.action is Action.SEND_REQUEST
+            assert out.velocity_factor == pytest.approx((1.0 - age) / 0.7, abs=1e-6)
+            assert out.reasons == (Cause.TARGET_UNSEEN,)
+        elif 1.001 < age < 2.999:
+            assert (out.state, out.action, out.velocity_factor) == (State.LOST_HOLD, Action.SEND_ZERO, 0.0)
+        elif age > 3.051:
+            assert out.state is State.RELEASED
+            assert out.reasons[0] is Cause.TARGET_LOST
+    assert {out.state for _, out in outs} == {State.FOLLOWING, State.COASTING, State.LOST_HOLD, State.RELEASED}
+
+
+@pytest.mark.parametrize("ticks", [8, 22, 58])
+def test_a_target_back_in_time_is_followed_again(ticks):
+    story = Story().follow()
+    story.ticks(ticks, measured_t_s=story.now)
+    assert story.out.state in (State.COASTING, State.LOST_HOLD)
+    assert story.tick().state is State.FOLLOWING
+
+
+def test_a_target_back_too_late_needs_the_operator():
+    story = Story().follow()
+    story.ticks(65, measured_t_s=story.now)
+    assert story.out.state is State.RELEASED
+    for out in story.ticks(100, mode=VehicleMode.HOLD):
+        assert out.state is State.RELEASED
+        assert out.velocity_factor == 0.0
+
+
+@pytest.mark.parametrize("change", [{"rejections_in_a_row": 5}, {"latency_s": 0.45}])
+def test_disagreement_and_old_pictures_count_as_unseen(change):
+    story = Story().follow()
+    assert story.tick(**change).state is State.COASTING
+    assert story.out.velocity_factor == 1.0  # not yet: the target was seen a tick ago
+    states = {out.state for out in story.ticks(70, **change)}
+    assert states == {State.COASTING, State.LOST_HOLD, State.RELEASED}
+
+
+@pytest.mark.parametrize("state", [State.FOLLOWING, State.COASTING, State.LOST_HOLD])
+@pytest.mark.parametrize(
+    ("change", "end", "cause"),
+    [
+        ({"abort": True}, State.RELEASED, Cause.ABORT),
+        ({"heartbeat_t_s": 0.0}, State.RELEASED, Cause.LINK_LOST),
+        ({"mode_t_s": 0.0}, State.RELEASED, Cause.LINK_LOST),
+        ({"attitude_t_s": 0.0}, State.RELEASED, Cause.TELEMETRY_STALE),
+        ({"position_t_s": None}, State.RELEASED, Cause.TELEMETRY_STALE),
+        ({"outside_fence": True}, State.RELEASED, Cause.OUTSIDE_FENCE),
+        ({"dt": 0.21}, State.RELEASED, Cause.OWN_GAP),
+        ({"dt": -0.01}, State.RELEASED, Cause.OWN_GAP),
+        ({"mode": VehicleMode.MANUAL}, State.TAKEN_OVER, Cause.MODE_CHANGED),
+        ({"mode": VehicleMode.HOLD}, State.TAKEN_OVER, Cause.MODE_CHANGED),
+        ({"mode": VehicleMode.RETURN}, State.TAKEN_OVER, Cause.MODE_CHANGED),
+        ({"armed": False}, State.TAKEN_OVER, Cause.NOT_ARMED),
+        ({"failsafe": True}, State.TAKEN_OVER, Cause.FAILSAFE),
+    ],
+)
+def test_what_ends_a_follow(state, change, end, cause):
+    story = Story()
+    if state is State.FOLLOWING:
+        story.follow()
+    else:
+        story.reach(state)
+    out = story.tick(**change)
+    assert (out.state, out.reasons) == (end, (cause,))
+    assert out.action is (Action.COMMAND_HOLD if end is State.RELEASED else Action.SILENCE)
+    assert out.velocity_factor == 0.0
+
+
+def test_stalled_requests_release_after_a_second():
+    story = Story().follow()
+    asked = story.now
+    outs = story.ticks(19, request_t_s=asked)
+    assert all(out.state is State.FOLLOWING for out in outs)
+    assert story.ticks(3, request_t_s=asked)[-1].reasons == (Cause.STALLED,)
+    story = Story().follow()
+    assert story.ticks(22, request_t_s=None)[-1].reasons == (Cause.STALLED,)
+
+
+def test_hold_is_asked_for_until_it_is_seen_and_a_moment_longer():
+    story = Story().follow()
+    story.tick(abort=True)
+    assert all(out.action is Action.COMMAND_HOLD for out in story.ticks(5))
+    outs = story.ticks(12, mode=VehicleMode.HOLD)
+    assert outs[0].action is Action.COMMAND_HOLD
+    assert outs[-1].action is Action.SILENCE
+    assert Cause.HOLD_REFUSED not in outs[-1].reasons
+
+
+def test_a_hold_that_is_refused_ends_in_silence_and_says_so():
+    story = Story().follow()
+    story.tick(abort=True)
+    outs = story.ticks(60)
+    assert outs[30].action is Action.COMMAND_HOLD
+    assert outs[-1].action is Action.SILENCE
+    assert outs[-1].reasons == (Cause.ABORT, Cause.HOLD_REFUSED)
+
+
+def test_hold_is_not_asked_for_against_the_pilot():
+    story = Story().follow()
+    story.tick(abort=True)
+    assert story.tick(VehicleMode.MANUAL).action is Action.SILENCE
+    assert story.tick(VehicleMode.MANUAL).action is Action.SILENCE
+
+
+def test_released_ends_by_a_new_selection_or_acknowledgement_and_then_needs_confirming():
+    for act in ({"select": True}, {"acknowledge": True}):
+        story = Story().reach(State.RELEASED)
+        refused = story.tick(VehicleMode.HOLD, confirm=True)
+        assert (refused.state, refused.reasons) == (State.RELEASED, (Cause.ACKNOWLEDGE,))
+        cleared = story.tick(VehicleMode.HOLD, **act)
+        assert (cleared.state, cleared.action, cleared.reasons) == (State.SELECTED, Action.NONE, ())
+        assert story.tick(VehicleMode.HOLD).action is Action.NONE
+        assert story.tick(VehicleMode.HOLD, confirm=True).action is Action.ENGAGE
+
+
+def test_taken_over_is_latched_until_acknowledged():
+    story = Story().reach(State.TAKEN_OVER)
+    for mode in (VehicleMode.MANUAL, VehicleMode.EXTERNAL, VehicleMode.HOLD):
+        for act in ({}, {"select": True}, {"confirm": True}):
+            out = story.tick(mode, **act)
+            assert (out.state, out.action) == (State.TAKEN_OVER, Action.SILENCE)
+    assert story.tick(VehicleMode.HOLD, acknowledge=True).state is State.SELECTED
+
+
+def test_abort_commands_hold_wherever_the_vehicle_obeys_setpoints():
+    for state in (State.SELECTED, State.IDLE, State.TAKEN_OVER, State.RELEASED):
+        out = Story().reach(state).tick(abort=True)
+        assert (out.state, out.action) == (State.RELEASED, Action.COMMAND_HOLD)
+        quiet = Story().reach(state).tick(VehicleMode.MANUAL, abort=True)
+        assert quiet.action in (Action.NONE, Action.SILENCE)
+    story = Story()
+    story.tick(VehicleMode.HOLD)
+    story.tick(VehicleMode.HOLD, confirm=True)
+    assert story.tick(VehicleMode.HOLD, abort=True).action is Action.COMMAND_HOLD
+
+
+def test_abort_beats_confirm():
+    story = Story().reach(State.SELECTED)
+    out = story.tick(VehicleMode.HOLD, abort=True, confirm=True)
+    assert (out.action, out.engaging) == (Action.NONE, False)
+
+
+FLAGS = (
+    {"mode": VehicleMode.HOLD}, {"mode": VehicleMode.MANUAL}, {"armed": False}, {"failsafe": True},
+    {"heartbeat_t_s": 0.0}, {"position_t_s": 0.0}, {"measured_t_s": 0.0}, {"frame_t_s": 0.0}, {"selected": False},
+    {"outside_fence": True}, {"latency_s": 0.5}, {"abort": True}, {"confirm": True}, {"select": True},
+    {"acknowledge": True}, {"dt": 0.3},
+)  # fmt: skip
+MOVING = (State.FOLLOWING, State.COASTING)
+
+
+@pytest.mark.parametrize("start", list(State))
+def test_every_state_with_every_set_of_flags(start):
+    """8 states x all sets of at most four of 16 flags, and all of them: no forbidden output, no forbidden step."""
+    sets = [s for k in range(5) for s in itertools.combinations(FLAGS, k)] + [FLAGS]
+    prepared = Story()
+    prepared.follow() if start is State.FOLLOWING else prepared.reach(start)
+    for flags in sets:
+        story = copy.copy(prepared)
+        story.machine = copy.copy(prepared.machine)  # flat: a shallow copy is a life of its own
+        changes = {}
+        for flag in flags:
+            changes.update(flag)
+        out = story.tick(**changes)
+        check_step(start, changes, out)
+
+
+def check_step(start, changes, out):
+    mode = changes.get("mode", VehicleMode.EXTERNAL)
+    engaged = start in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
+    stopped = {"failsafe", "heartbeat_t_s", "position_t_s", "outside_fence", "abort"} & set(changes)
+    stopped |= {"dt"} & set(changes) if engaged else set()
+    ours = mode is VehicleMode.EXTERNAL and "armed" not in changes
+    assert out.action is not Action.SEND_REQUEST or (out.state in MOVING and ours and not stopped)
+    assert out.velocity_factor == 0.0 or out.action is Action.SEND_REQUEST
+    assert 0.0 <= out.velocity_factor <= 1.0
+    if out.state in (*MOVING, State.LOST_HOLD):
+        assert engaged or ("confirm" in changes and start in (State.IDLE, State.SELECTED, State.NO_VIDEO))
+    if start is State.TAKEN_OVER and out.state is not State.TAKEN_OVER:
+        assert "acknowledge" in changes or ("abort" in changes and mode is VehicleMode.EXTERNAL)
+    if start is State.RELEASED and out.state is not State.RELEASED:
+        assert {"acknowledge", "select"} & set(changes)
+    if mode is VehicleMode.MANUAL:
+        assert out.action in (Action.NONE, Action.SILENCE) or out.state is State.RELEASED
+        assert out.action is not Action.COMMAND_HOLD
+    if out.state is State.FOLLOWING:
+        assert "measured_t_s" not in changes
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_lives_never_move_without_a_confirmation(seed):
+    import random
+
+    rng = random.Random(seed)
+    story, confirmed = Story(), False
+    moved = 0
+    for _ in range(5000):
+        changes = {}
+        for flag in FLAGS:
+            if rng.random() < 0.02:
+                changes.update(flag)
+        changes["confirm"] = rng.random() < 0.1
+        changes["acknowledge"] = rng.random() < 0.1
+        out = story.tick(**changes)
+        confirmed = confirmed or changes["confirm"]
+        if out.state in (State.RELEASED, State.TAKEN_OVER, State.IDLE, State.NO_VIDEO, State.SELECTED):
+            confirmed = out.engaging
+        if out.action is Action.SEND_REQUEST:
+            assert confirmed, f"seed {seed} at {story.now}"
+            moved += 1
+    assert moved > 100
