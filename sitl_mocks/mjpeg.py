@@ -24,9 +24,8 @@ class MjpegServer:
         self._host, self._port = host, port
         self._server: asyncio.Server | None = None
         self._newest: tuple[int, bytes] | None = None
-        self._arrived = asyncio.Condition()
         self._viewers: set[asyncio.Task[None]] = set()
-        self._notices: set[asyncio.Task[None]] = set()
+        self._waiting: set[asyncio.Event] = set()
 
     @property
     def port(self) -> int:
@@ -50,11 +49,9 @@ class MjpegServer:
 
     def publish(self, jpeg: bytes) -> None:
         """A new frame: it replaces the one before it, sent or not."""
-        number = self._newest[0] + 1 if self._newest else 0
-        self._newest = (number, jpeg)
-        task = asyncio.get_running_loop().create_task(self._notify())
-        self._notices.add(task)
-        task.add_done_callback(self._notices.discard)
+        self._newest = (self._newest[0] + 1 if self._newest else 0, jpeg)
+        for arrived in self._waiting:
+            arrived.set()
 
     async def close(self) -> None:
         """Stop listening and end all viewers."""
@@ -62,11 +59,7 @@ class MjpegServer:
             self._server.close()
         for task in self._viewers:
             task.cancel()
-        await asyncio.gather(*self._viewers, *self._notices, return_exceptions=True)
-
-    async def _notify(self) -> None:
-        async with self._arrived:
-            self._arrived.notify_all()
+        await asyncio.gather(*self._viewers, return_exceptions=True)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
@@ -106,10 +99,15 @@ class MjpegServer:
 
     async def _after(self, number: int) -> tuple[int, bytes]:
         """The newest frame, once it is newer than `number`."""
-        async with self._arrived:
+        arrived = asyncio.Event()
+        self._waiting.add(arrived)
+        try:
             while self._newest is None or self._newest[0] <= number:
-                await self._arrived.wait()
+                arrived.clear()
+                await arrived.wait()
             return self._newest
+        finally:
+            self._waiting.discard(arrived)
 
 
 async def _read_path(reader: asyncio.StreamReader) -> str | None:

@@ -69,6 +69,7 @@ async def test_opencv_reads_the_stream_twice_at_once() -> None:
         assert numbers == sorted(numbers)
     await server.close()
     assert server.viewers == 0
+    server.publish(_numbered(0))  # a delayed frame that comes after the end is nobody's
 
 
 async def test_a_viewer_that_does_not_read_holds_nobody_up_and_gets_new_frames_later() -> None:
