@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from control.camera import CameraModel, bearing_measurement
 from control.config import ControlConfig
 from control.estimator import TargetEstimator
-from control.follow import follow_request
+from control.follow import FollowState, follow_request
 from control.gate import gate
 from control.gate_limits import Limits
-from control.limits import ShapeState
 from control.modes import FollowMode, confirm
 from control.types import VehicleMode, VehicleState
 from tracker.box import Box
@@ -128,7 +127,7 @@ def control_figures(runs: int) -> list[Figure]:
     target = estimator.predict(t)
     assert target is not None
     confirmation = confirm(FollowMode.FOLLOW, target, vehicle, t, config.follow)
-    request, shape = follow_request(confirmation, target, vehicle, camera, t, ShapeState(t), config)
+    request, shape = follow_request(confirmation, target, vehicle, camera, t, FollowState.at_rest(t), config)
     limits = Limits()
 
     def tick() -> None:
