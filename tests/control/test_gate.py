@@ -200,6 +200,37 @@ def test_floor_and_ceiling_stop_only_the_wrong_direction(height, asked, allowed)
     assert reason is (Reason.PASSED if asked == allowed else Reason.ALTITUDE)
 
 
+@pytest.mark.parametrize(("height", "sign"), [(3.5, 1), (59.5, -1)])
+def test_near_floor_and_ceiling_the_speed_is_what_can_be_stopped(height, sign):
+    setpoint, reason = settle((0.0, 0.0, 2.0 * sign), vehicle=replace(HEALTHY, height_m=height))
+    v = setpoint.velocity_ned_mps[2] * sign
+    assert v * LIMITS.response_s + v**2 / (2 * LIMITS.braking_mps2) == pytest.approx(0.5)
+    assert reason is Reason.ALTITUDE
+
+
+@pytest.mark.parametrize("height", [3.0, 60.0])
+def test_level_flight_at_floor_and_ceiling_is_not_a_trim(height):
+    assert settle((1.0, 0.0, 0.0), vehicle=replace(HEALTHY, height_m=height))[1] is Reason.PASSED
+
+
+def test_along_the_fence_is_not_a_trim():
+    at_fence = replace(HEALTHY, position_ned_m=(150.0, 0.0, -20.0))
+    assert settle((0.0, 1.0, 0.0), vehicle=at_fence)[1] is Reason.PASSED
+
+
+def test_the_fence_is_round():
+    corner = replace(HEALTHY, position_ned_m=(-90.0, 120.0, -20.0))
+    setpoint, _ = settle((0.0, 2.5, 0.0), vehicle=corner)
+    assert setpoint.velocity_ned_mps == pytest.approx((1.2, 0.9, 0.0))
+
+
+def test_limits_that_tighten_in_flight_are_reached_by_slewing():
+    flying, _ = settle((0.0, 0.0, 0.0), 1.2)
+    tighter = Limits(max_yaw_rate_rps=1.1)
+    setpoint, _ = gate(request((0.0, 0.0, 0.0), -1.0), HEALTHY, NOW, replace_time(flying), tighter)
+    assert setpoint.yaw_rate_rps == pytest.approx(1.2 - LIMITS.max_yaw_acceleration_rps2 * 0.05)
+
+
 def test_the_fence_takes_away_only_the_outward_part():
     at_fence = replace(HEALTHY, position_ned_m=(150.0, 0.0, -20.0))
     setpoint, reason = settle((2.0, 1.0, 0.0), vehicle=at_fence)
