@@ -96,12 +96,14 @@ def run(
         reconnect=False,
     )
     try:
+        camera = options.camera or options.config.camera.model(*source.size)
+        # A stream goes on while the network loads: load it first. A file waits, and its faults show at once.
+        tracker = tracker_factory(options.config.tracker) if source.is_live else None
         first = source.read(SILENCE_S)
         if first is None:
             raise VideoError(source.problem or f"{source.name}: no frame within {SILENCE_S:.0f} s")
         box = _first_box(options, truth, first, source.size)
-        camera = options.camera or options.config.camera.model(*source.size)
-        tracker = tracker_factory(options.config.tracker)
+        tracker = tracker or tracker_factory(options.config.tracker)
         _start(tracker, first, box)
         dry_run = _DryRun(options, source, tracker, camera, poses)
         return dry_run.run(first, box, truth, progress)

@@ -63,12 +63,13 @@ def draw(image_bgr: Image, overlay: Overlay) -> Image:
     image = image_bgr.copy()
     scale = _scale(image)
     colour = TONE_COLOURS[overlay.tone]
+    _banner(image, overlay, colour, scale)
+    _figures(image, overlay.lines, scale)
+    # Above the bands: a target at the picture's edge is about to be lost, and must show most of all.
     if overlay.predicted is not None and overlay.predicted.is_valid:
         _brackets(image, overlay.predicted, CYAN, scale)
     if overlay.box is not None and overlay.box.is_valid:
         _box(image, overlay.box, colour, scale)
-    _banner(image, overlay, colour, scale)
-    _figures(image, overlay.lines, scale)
     if overlay.watermark:
         _watermark(image, overlay.watermark, scale)
     return image
