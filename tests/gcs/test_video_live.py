@@ -19,6 +19,7 @@ from gcs.video.mjpeg import jpeg_size
 from gcs.video.pyav import is_installed
 from tests.gcs.clips import SIZE, picture
 from tests.gcs.mjpeg_server import MjpegServer
+from tests.gcs.rtsp_server import RtspServer
 
 
 class HandFedDecoder:
@@ -278,3 +279,20 @@ def test_mpegts_over_udp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, backen
     finally:
         stop.set()
         sender.join()
+
+
+@pytest.mark.skipif(not is_installed(), reason="the test's server needs PyAV")
+@pytest.mark.parametrize("backend", ["opencv", "pyav"])
+def test_rtsp_over_tcp(monkeypatch: pytest.MonkeyPatch, backend: str) -> None:
+    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: backend == "pyav")
+    server = RtspServer()
+    try:
+        source = open_source(server.url, reconnect=False)
+        seqs = [frame.seq for frame in (source.read(5.0) for _ in range(4)) if frame is not None]
+        assert len(seqs) == 4
+        assert seqs == sorted(set(seqs))
+        assert source.size == SIZE
+        assert server.packets > 0
+        source.close()
+    finally:
+        server.close()
