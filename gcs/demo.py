@@ -99,6 +99,7 @@ async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callab
     result = score(
         truth, operator.frames, spans,
         max_setpoint_gap_s=float(monitor["max_setpoint_gap_s"]), unsafe=int(monitor["unsafe"]),
+        half_view_rad=math.radians(world.camera.hfov_deg) / 2,
     )  # fmt: skip
     for reason in monitor["reasons"]:
         screen.say(f"UNSAFE {reason['rule']}: {reason['text']}")

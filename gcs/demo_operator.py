@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Final
 
 from control.engagement import State
-from control.types import VehicleMode
 from gcs.clock import Clock
 from gcs.demo_report import Span, TrackedFrame
 from gcs.demo_simulator import Simulator
@@ -136,6 +135,4 @@ class DemoOperator:
         self.has_landed = await telemetry.wait_for(lambda s: not s.in_air and s.mode_t_s is not None, _LAND_S)
         state = telemetry.vehicle_state()
         if not self.has_landed:
-            self._say(
-                f"not landed within {_LAND_S:g} s: {state.height_m:.1f} m high in {VehicleMode(state.mode).value}"
-            )
+            self._say(f"not landed within {_LAND_S:g} s: {state.height_m:.1f} m high in {state.mode.value}")

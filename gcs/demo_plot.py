@@ -44,7 +44,8 @@ def _from_above(axes: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> 
             [r.target_ned_m[1] for r in hidden], [r.target_ned_m[0] for r in hidden], color="black", s=12,
             label="target hidden", zorder=3,
         )  # fmt: skip
-    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal")
+    axes.set(xlabel="east (m)", ylabel="north (m)")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize="small")
 

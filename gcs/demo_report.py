@@ -130,8 +130,13 @@ def score(
     *,
     max_setpoint_gap_s: float,
     unsafe: int,
+    half_view_rad: float,
 ) -> Score:
-    """Errors over every moment of following, the first one included; nothing is left out as settling."""
+    """Errors over every moment since the confirmation, the first one included; nothing is left out as settling.
+
+    Time on target leaves out the frames in which something hides the target, but counts against us those in
+    which it stands outside the picture (half_view_rad to either side).
+    """
     bearings, distances = [], []
     for span in spans:
         for row in truth:
@@ -143,7 +148,7 @@ def score(
     return Score(
         bearing_rms_deg=_rms(bearings),
         distance_rms_frac=_rms(distances),
-        time_on_target_frac=_on_target_frac(truth, followed),
+        time_on_target_frac=_on_target_frac(truth, followed, half_view_rad),
         max_setpoint_gap_s=max_setpoint_gap_s,
         tracker_fps=len(followed) / followed_s if followed_s > 0 else 0.0,
         unsafe=unsafe,
@@ -152,11 +157,15 @@ def score(
     )
 
 
-def _on_target_frac(truth: Sequence[TruthRow], frames: Iterable[TrackedFrame]) -> float | None:
+def _on_target_frac(truth: Sequence[TruthRow], frames: Iterable[TrackedFrame], half_view_rad: float) -> float | None:
     hits = []
     for frame in frames:
         row = nearest(truth, frame.t_capture_s)
-        if row is not None and row.is_visible and row.box_xywh_px is not None:
+        if row is None:
+            continue
+        if abs(row.bearing_error_rad) > half_view_rad:
+            hits.append(False)
+        elif row.is_visible and row.box_xywh_px is not None:
             hits.append(frame.box is not None and is_on(frame.box, Box.from_xywh(*row.box_xywh_px)))
     return sum(hits) / len(hits) if hits else None
 

@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from typing import Final, assert_never
 
-from control.engagement import State
+from control.engagement import Action, State
 from control.preflight import Cause
 from control.types import VehicleMode
 from gcs.errors import GcsError, SelectionError
@@ -57,7 +57,9 @@ class Orders:
             case Confirm():
                 return await self._confirm()
             case Acknowledge():
+                await self._settle()
                 control.act(Act.ACKNOWLEDGE)
+                await flight.next_tick()
                 return "acknowledged"
             case Abort():
                 control.act(Act.ABORT)
@@ -86,6 +88,7 @@ class Orders:
         flight = self._flight
         if flight.control.is_engaged:
             raise RefusedError("a target is being followed: abort first")
+        await self._settle()
         box = check_box(order.box, flight.camera.width_px, flight.camera.height_px)
         number = flight.vision.select(box, order.frame)
         flight.control.select(number)
@@ -100,6 +103,11 @@ class Orders:
             raise SelectionError(seen.problem)
         x, y, w, h = box.xywh
         return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; `follow` confirms"
+
+    async def _settle(self) -> None:
+        """Wait until a hold that was commanded is seen or given up: before that nothing new can begin."""
+        while self._flight.tick is not None and self._flight.tick.output.action is Action.COMMAND_HOLD:
+            await self._flight.next_tick()
 
     async def _confirm(self) -> str:
         flight = self._flight

@@ -93,7 +93,7 @@ class Screen:
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
-        self.is_terminal = out.isatty()
+        self.is_terminal = not out.closed and out.isatty()
         self._live = ""
 
     def say(self, text: str) -> None:

@@ -1,0 +1,152 @@
+"""`gcs run` as a user starts it: a process with pipes, a simulator at the other end, signals."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sitl_mocks import scenario
+from sitl_mocks.simulator import Simulator, SimulatorConfig
+from sitl_mocks.vehicle import Mode, Personality
+from tests.gcs.test_wire import free_port
+
+
+@dataclass
+class World:
+    """A simulator in this process: its insides can be looked at."""
+
+    simulator: Simulator
+    video_url: str
+    vehicle_url: str
+    truth: Path
+
+    def box(self) -> str:
+        """The newest true box as the `box` order takes it."""
+        row = json.loads(self.truth.read_text().splitlines()[-1])
+        return "box " + " ".join(f"{v:.1f}" for v in row["box_px"])
+
+    @property
+    def mode(self) -> Mode:
+        mode: Mode = self.simulator._vehicle.autopilot.mode
+        return mode
+
+    @property
+    def monitor(self) -> dict[str, Any]:
+        return self.simulator._monitor.summary()
+
+
+@contextlib.asynccontextmanager
+async def world(folder: Path, personality: Personality = Personality.PX4) -> AsyncIterator[World]:
+    port, truth, stop = free_port(), folder / "truth.jsonl", asyncio.Event()
+    config = SimulatorConfig(
+        scenario.load("straight"), ("127.0.0.1", port), personality, fps=10.0, start_in_air=True, truth_file=truth
+    )
+    simulator = Simulator(config)
+    ready: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+    running = asyncio.create_task(simulator.run(stop, ready.set_result))
+    try:
+        said = await ready
+        yield World(simulator, said["video_url"], said["mavlink"], truth)
+    finally:
+        stop.set()
+        await running
+
+
+class Station:
+    """A `gcs run` process: what it says, what it is told."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self.process = process
+        self.said: list[str] = []
+
+    async def hears(self, text: str) -> str:
+        """Lines up to one with this text."""
+        assert self.process.stdout is not None
+        async with asyncio.timeout(40):
+            while line := (await self.process.stdout.readline()).decode():
+                self.said.append(line.strip())
+                if text in line:
+                    return line
+        raise AssertionError(f"{text!r} was never said: {self.said}")
+
+    def tell(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line.encode() + b"\n")
+
+
+@contextlib.asynccontextmanager
+async def station(*arguments: str) -> AsyncIterator[Station]:
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "tests.gcs.run_blob", "run", *arguments,
+        stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        yield Station(process)
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.communicate()
+
+
+def camera_file(folder: Path) -> Path:
+    path = folder / "config.yaml"
+    path.write_text("camera: {hfov_deg: 70, mount_rpy_deg: [0, -28, 0], glass_delay_s: 0.1}\n")
+    return path
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal.Signals) -> None:
+    async with world(tmp_path) as w:
+        arguments = ("--video", w.video_url, "--vehicle", w.vehicle_url, "--config", str(camera_file(tmp_path)))
+        async with station(*arguments, "--out", str(tmp_path / "out")) as s:
+            await s.hears("IDLE")
+            s.tell("follow")
+            assert "no target is selected" in await s.hears("not following")
+            await asyncio.sleep(2.5)
+            s.tell(w.box())
+            await s.hears("selected")
+            await asyncio.sleep(0.6)
+            s.tell("follow")
+            await s.hears("confirmed")
+            await asyncio.sleep(1.0)
+            assert w.mode is Mode.EXTERNAL
+            assert w.monitor["moving_setpoints"] > 0
+            t_signal_s = time.monotonic()
+            s.process.send_signal(number)
+            assert await asyncio.wait_for(s.process.wait(), 20) == 0
+            assert w.mode is Mode.HOLD
+            assert w.monitor["last_moving_setpoint_t_s"] < t_signal_s + 0.3
+            assert w.monitor["unsafe"] == 0, w.monitor["reasons"]
+    for name in ("messages.jsonl", "flight.mp4", "flight.tlog"):
+        assert (tmp_path / "out" / name).stat().st_size > 1000
+
+
+async def test_no_vehicle_is_one_line_and_exit_2(tmp_path: Path) -> None:
+    async with world(tmp_path) as w:
+        nobody = f"udpin://127.0.0.1:{free_port()}"
+        async with station("--video", w.video_url, "--vehicle", nobody, "--timeout", "0.5") as s:
+            _, said = await s.process.communicate()
+            assert s.process.returncode == 2
+            assert said.decode().startswith(f"gcs: no vehicle at {nobody} within 0.5 s")
+            assert said.count(b"\n") == 1
+
+
+async def test_recorded_video_never_flies(tmp_path: Path) -> None:
+    from sitl_mocks import sequences
+
+    clip = sequences.path(sequences.names()[0])
+    async with station("--video", str(clip), "--vehicle", f"udpin://127.0.0.1:{free_port()}") as s:
+        _, said = await s.process.communicate()
+        assert s.process.returncode == 2
+        assert b"recorded video" in said
+        assert said.count(b"\n") == 1

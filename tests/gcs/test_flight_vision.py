@@ -1,0 +1,145 @@
+"""Eyes of a flight: selections, failures of the tracker, pictures that stand still."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from gcs.clock import FakeClock
+from gcs.flight_vision import Seen, StillPicture, Vision
+from gcs.video import Frame
+from gcs.video.frame import Image
+from tracker.box import Box, TrackResult
+
+BOX = Box(50.0, 40.0, 20.0, 10.0)
+
+
+class Source:
+    """A live source that gives what it is told to."""
+
+    name = "test"
+    is_live = True
+    fps = 20.0
+    size = (100, 80)
+    frame_count = None
+    problem = None
+
+    def __init__(self, frames: Iterator[Frame] = iter(())) -> None:
+        self._frames = frames
+        self.ended = False
+        self.closed = False
+
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        frame = next(self._frames, None)
+        self.ended = frame is None
+        return frame
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Tracker:
+    """Remembers the pictures it was given; fails when told to."""
+
+    def __init__(self) -> None:
+        self.began: list[tuple[Image, Box]] = []
+        self.fault: Exception | None = None
+
+    def init(self, frame_bgr: Image, box: Box) -> None:
+        if box.w_px < 5:
+            raise ValueError("the box is too small")
+        self.began.append((frame_bgr, box))
+
+    def update(self, frame_bgr: Image) -> TrackResult:
+        if self.fault is not None:
+            raise self.fault
+        return TrackResult(BOX, 1.0, 1.0)
+
+
+def picture(seq: int) -> Frame:
+    image = np.full((80, 100, 3), seq % 256, np.uint8)
+    return Frame(seq, image, seq * 0.05 - 0.1, seq * 0.05)
+
+
+@pytest.fixture
+def vision() -> Vision:
+    return Vision(Source(), Tracker(), FakeClock(1.0), lambda seen: None)
+
+
+def test_nothing_is_tracked_before_a_selection(vision: Vision) -> None:
+    seen = vision.step(picture(0))
+    assert (seen.selection, seen.result, seen.problem) == (0, None, None)
+
+
+def test_a_box_is_tracked_from_the_picture_it_was_drawn_on(vision: Vision) -> None:
+    drawn = picture(3)
+    number = vision.select(BOX, drawn)
+    seen = vision.step(picture(6))
+    assert seen.selection == number == 1
+    assert seen.result == TrackResult(BOX, 1.0, 1.0)
+    tracker: Tracker = vision._tracker  # type: ignore[assignment]
+    assert tracker.began[0][0] is drawn.image_bgr
+    assert vision.step(picture(7)).selection == 1
+    assert len(tracker.began) == 1
+
+
+def test_deselecting_ends_the_track(vision: Vision) -> None:
+    vision.select(BOX)
+    vision.step(picture(0))
+    vision.select(None)
+    seen = vision.step(picture(1))
+    assert (seen.selection, seen.result) == (0, None)
+
+
+def test_a_box_that_cannot_be_tracked_is_told_under_its_number(vision: Vision) -> None:
+    number = vision.select(Box(50.0, 40.0, 2.0, 2.0))
+    seen = vision.step(picture(0))
+    assert (seen.selection, seen.problem) == (number, "the box is too small")
+    assert vision.step(picture(1)).selection == 0
+
+
+def test_a_failing_tracker_ends_the_track_and_not_the_thread(vision: Vision) -> None:
+    vision.select(BOX)
+    vision.step(picture(0))
+    tracker: Tracker = vision._tracker  # type: ignore[assignment]
+    tracker.fault = MemoryError("no memory")
+    seen = vision.step(picture(1))
+    assert seen.result is None
+    assert seen.problem == "the tracker failed: MemoryError"
+    tracker.fault = None
+    assert vision.step(picture(2)).result is None  # a new selection is needed
+    vision.select(BOX)
+    assert vision.step(picture(3)).result is not None
+
+
+def test_a_repeated_picture_counts_as_no_picture_after_half_a_second(vision: Vision) -> None:
+    vision.select(BOX)
+    frozen = [vision.step(Frame(n, picture(0).image_bgr, n * 0.05, n * 0.05)).frozen for n in range(15)]
+    assert frozen.index(True) == 10
+    assert not vision.step(Frame(15, picture(9).image_bgr, 0.75, 0.75)).frozen
+
+
+def test_a_fast_camera_is_not_frozen_for_ten_equal_pictures() -> None:
+    still = StillPicture()
+    assert not any(still.update(picture(0).image_bgr, n * 0.01) for n in range(20))
+
+
+def test_the_thread_delivers_every_frame_and_closes_the_video() -> None:
+    delivered: list[Seen] = []
+    done = threading.Event()
+
+    def deliver(seen: Seen) -> None:
+        delivered.append(seen)
+        if len(delivered) == 3:
+            done.set()
+
+    source = Source(picture(n) for n in range(3))
+    vision = Vision(source, Tracker(), FakeClock(), deliver)
+    vision.start()
+    assert done.wait(5.0)
+    vision.close()
+    assert [seen.frame.seq for seen in delivered] == [0, 1, 2]
+    assert source.closed
