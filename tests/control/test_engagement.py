@@ -203,6 +203,23 @@ def test_a_target_back_in_time_is_followed_again(ticks):
     assert story.tick().state is State.FOLLOWING
 
 
+def test_its_times_are_those_of_the_configuration():
+    story = Story()
+    story.machine = Engagement(EngagementConfig(lost_s=0.6, release_s=1.2))
+    story.follow()
+    states = [out.state for out in story.ticks(30, measured_t_s=story.now)]
+    assert states.count(State.COASTING) == 6
+    assert states.count(State.LOST_HOLD) == 12
+
+
+def test_a_request_from_before_the_follow_is_not_a_stall():
+    story = Story()
+    story.tick(VehicleMode.HOLD)
+    story.tick(VehicleMode.HOLD, confirm=True)
+    for out in story.ticks(10, request_t_s=story.now - 60.0):
+        assert out.state is State.FOLLOWING
+
+
 def test_a_target_back_too_late_needs_the_operator():
     story = Story().follow()
     story.ticks(65, measured_t_s=story.now)
