@@ -67,8 +67,10 @@ class DemoOperator:
         self._say(await self._orders.perform(TakeOff(self._world.height_m)))
         if await self._begin():
             end_s = self._confirmed[0][0] + self._follow_s
-            await self._watch(end_s)
-            self._end_s = min(self._clock.now_s(), end_s)
+            try:
+                await self._watch(end_s)
+            finally:  # also when the person at the keyboard ends it
+                self._end_s = min(self._clock.now_s(), end_s)
         await self._land()
         self._flight.stop()
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 
 import gcs.app
+import gcs.demo
 from gcs.cli import main
 from tests.gcs.blob_tracker import BlobTracker
 
 if __name__ == "__main__":
-    gcs.app.make_tracker = lambda config: BlobTracker()
+    gcs.app.make_tracker = gcs.demo.make_tracker = lambda config: BlobTracker()
     sys.exit(main(sys.argv[1:]))

@@ -49,7 +49,7 @@ class World:
 async def world(folder: Path, personality: Personality = Personality.PX4) -> AsyncIterator[World]:
     port, truth, stop = free_port(), folder / "truth.jsonl", asyncio.Event()
     config = SimulatorConfig(
-        scenario.load("straight"), ("127.0.0.1", port), personality, fps=10.0, start_in_air=True, truth_file=truth
+        scenario.load("demo"), ("127.0.0.1", port), personality, fps=10.0, start_in_air=True, truth_file=truth
     )
     simulator = Simulator(config)
     ready: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()

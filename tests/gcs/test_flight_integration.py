@@ -256,6 +256,6 @@ async def test_a_fault_in_a_task_ends_in_zero_and_hold() -> None:
 async def test_no_vehicle_is_one_line() -> None:
     config = Config()
     config = replace(config, vehicle=replace(config.vehicle, timeout_s=1.0))
-    with pytest.raises(GcsError, match="no vehicle at .* within 1 s"):
+    with pytest.raises(GcsError, match=r"no vehicle at .* within 1 s"):
         async with open_link(f"udpin://127.0.0.1:{free_port()}", config, MonotonicClock(), None):
             pass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -27,8 +27,8 @@ class Source:
     frame_count = None
     problem = None
 
-    def __init__(self, frames: Iterator[Frame] = iter(())) -> None:
-        self._frames = frames
+    def __init__(self, frames: Iterable[Frame] = ()) -> None:
+        self._frames = iter(frames)
         self.ended = False
         self.closed = False
 
