@@ -31,6 +31,7 @@ class Stage:
     batch: int = 32
     learning_rate: float = 1e-3
     latent_previous_frac: float = 0.5  # share of batches whose latent frame is the previous patch
+    frozen_layers: int = 0  # first layers of the backbone that keep still, statistics included
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ class Run:
 
     def step(self, stage: Stage, batch: Batch) -> dict[str, float]:
         """One optimizer step; a step whose loss is not finite is left out."""
-        self.network.train()
+        self._set_modes(stage)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(stage)
         self.optimizer.zero_grad(set_to_none=True)
@@ -131,6 +131,14 @@ class Run:
         self.optimizer.step()
         self._average()
         return parts
+
+    def _set_modes(self, stage: Stage) -> None:
+        self.network.train()
+        for i in range(1, 6):
+            layer = getattr(self.network.backbone, f"layer{i}")
+            frozen = i <= stage.frozen_layers
+            layer.requires_grad_(not frozen)
+            layer.train(not frozen)
 
     @torch.no_grad()
     def _average(self) -> None:

@@ -7,6 +7,7 @@ import random
 import torch
 from torch import Tensor
 from torch.nn import functional
+from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from tracker.configs import NetworkConfig
 from tracker.network.climrt import ClimRT
@@ -67,7 +68,7 @@ class Objective:
             return self._climnet(batch)
         network = self.network
         box, positive = batch["box"].to(self.device), batch["positive"].to(self.device).float()
-        with torch.autocast(self.device.type, torch.bfloat16):
+        with torch.autocast(self.device.type, torch.bfloat16), sdpa_kernel(SDPBackend.MATH):
             zf = network.template(to_input(batch["template"], self.device))
             xf = network.features(to_input(batch["search"], self.device))
             responses = self.response(xf, zf)
@@ -88,11 +89,12 @@ class Objective:
         """Layer 5 of what stands for the latent frame: the previous patch, or the current one."""
         if self._dice.random() >= stage.latent_previous_frac:
             return xf[1]
-        was_training = self.network.backbone.training
+        modes = [(m, m.training) for m in self.network.backbone.modules()]
         self.network.backbone.eval()  # its statistics belong to search patches that also learn
         with torch.no_grad():
             latent = self.network.features(to_input(batch["previous"], self.device))[1]
-        self.network.backbone.train(was_training)
+        for module, training in modes:
+            module.training = training
         return latent
 
     def _climnet(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
