@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import gc
 import math
 import signal
 import sys
@@ -174,11 +175,16 @@ def make_flight(
 
 async def fly(flight: Flight, *beside: object) -> None:
     """Run the flight; of several faults at once the first that has a line for the user is raised."""
+    # What is loaded by now (PyTorch, MAVSDK) stays: a full collection over it would hold up the control task.
+    gc.collect()
+    gc.freeze()
     try:
         await flight.run(*beside)  # type: ignore[arg-type]
     except BaseExceptionGroup as group:
         known = group.subgroup((GcsError, ValueError))
         raise first_of(known if known is not None else group) from None
+    finally:
+        gc.unfreeze()
 
 
 def first_of(group: BaseExceptionGroup[BaseException]) -> BaseException:

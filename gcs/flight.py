@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
+import math
 from collections import deque
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from gcs.clock import Clock
 from gcs.config import Config
 from gcs.flight_control import FollowControl, Tick
 from gcs.flight_modes import ModeSwitch, Spawn
-from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_box, status_line
+from gcs.flight_view import Sighting, Status, Watcher, link_warnings, make_status, predicted_box, status_line
 from gcs.flight_vision import Seen, Vision
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
@@ -34,7 +34,8 @@ from gcs.wire import Wire
 _HEARTBEAT_S: Final = 1.0
 _LEAVING_ZEROS: Final = 3
 _FPS_FRAMES: Final = 20
-log = logging.getLogger(__name__)
+_SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
+_LOUD: Final = 4  # MAV_SEVERITY_WARNING and worse
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,8 @@ class Flight:
         self._looked: set[asyncio.Future[Seen]] = set()
         self._modes = ModeSwitch(link.modes, say)
         self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
+        self._settled_s = clock.now_s() + _SETTLE_S
+        self._texts_from_s = clock.now_s()
         self._said: tuple[State, tuple[str, ...]] | None = None
 
     # -- running ------------------------------------------------------------------------------------------
@@ -207,13 +210,18 @@ class Flight:
         fps = (len(times) - 1) / span_s if span_s > 0 else 0.0
         confirmation = self.control.confirmation if self.control.is_engaged else None
         vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
-        return make_status(self.clock.now_s(), self.tick, vehicle, confirmation, follow, fps)
+        now_s = self.clock.now_s()
+        warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
+        return make_status(now_s, self.tick, vehicle, confirmation, follow, fps, warnings)
 
     def status_line(self) -> str:
         """The same in one line."""
         return status_line(self.status())
 
     def _announce(self, tick: Tick) -> None:
+        for text in self.link.telemetry.texts_since(self._texts_from_s, _LOUD):
+            self._texts_from_s = math.nextafter(text.t_s, math.inf)
+            self.say(f"vehicle: {text.text}")
         state, reasons = tick.output.state, tuple(cause.value for cause in tick.output.reasons)
         if self._said == (state, reasons):
             return

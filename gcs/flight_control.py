@@ -21,6 +21,7 @@ from control.gate import TICK_S, Setpoint, gate
 from control.limits import after_setpoint, priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.preflight import refusals
+from control.ranging import Ranging
 from control.types import BearingMeasurement, Reason, TargetState, VehicleState, VelocityRequest
 from gcs.flight_vision import Seen
 
@@ -72,6 +73,7 @@ class FollowControl:
         self._previous: Setpoint | None = None
         self.confirm_problem = ""
         self._engaged = False
+        self._ranging: Ranging | None = None
         self.wanted = Wanted()
         self.confirmation: Confirmation | None = None
 
@@ -140,6 +142,9 @@ class FollowControl:
         self._engaged = output.engaging or output.state in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
         if self._engaged and not was_engaged:
             self.confirmation, self._follow = candidate, FollowState.at_rest(now_s)
+            self._ranging = None
+            if candidate is not None and target is not None:
+                self._ranging = Ranging.begin(candidate, target, vehicle, self._config.follow)
             self._inputs = replace(self._inputs, request_t_s=None)
         request = self._request(output, target, vehicle, now_s)
         setpoint, reason = gate(request, vehicle, now_s, self._previous, self._config.limits)
@@ -169,6 +174,8 @@ class FollowControl:
     ) -> VelocityRequest:
         if target is None or self.confirmation is None:
             return zero_request(now_s)
+        if output.state is State.FOLLOWING and self._ranging is not None:
+            self.confirmation = self._ranging.lead(self.confirmation, target, vehicle, TICK_S, self._config.follow)
         request, self._follow = follow_request(
             self.confirmation,
             target,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
+from typing import Final, Protocol
 
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, box_of
@@ -18,8 +18,12 @@ from control.types import BearingMeasurement, TargetState, VehicleState
 from gcs import hud
 from gcs.flight_control import Tick
 from gcs.flight_vision import Seen
+from gcs.telemetry import LINK_LOST_S, Telemetry
+from gcs.wire import Wire
 from tracker.box import Box
 
+_MUCH_LOSS_FRAC: Final = 0.2
+_FOREIGN_S: Final = 5.0
 _TONES: Mapping[State, hud.Tone] = MappingProxyType(
     {
         State.NO_VIDEO: hud.Tone.ALARM,
@@ -49,6 +53,7 @@ class Status:
     latency_s: float | None
     video_fps: float
     limited_by: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -75,7 +80,7 @@ def status_line(status: Status) -> str:
     parts.append(f"{status.video_fps:.0f} fps")
     if status.limited_by:
         parts.append("limited: " + ", ".join(status.limited_by))
-    return " · ".join(parts)
+    return " · ".join((*parts, *(f"! {warning}" for warning in status.warnings)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +112,11 @@ def make_status(
     confirmation: Confirmation | None,
     follow: FollowConfig,
     video_fps: float,
+    warnings: tuple[str, ...] = (),
 ) -> Status:
     """The status after this tick."""
     if tick is None:
-        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, ())
+        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, (), warnings)
     tracked = tick.inputs.selected and tick.inputs.latency_s is not None
     return Status(
         t_s=now_s,
@@ -124,7 +130,24 @@ def make_status(
         latency_s=tick.inputs.latency_s,
         video_fps=video_fps,
         limited_by=tick.request.limited_by if tick.request is not None else (),
+        warnings=warnings,
     )
+
+
+def link_warnings(wire: Wire, telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
+    """What is not well with the connection, though it may still do."""
+    found = []
+    heard_s = telemetry.vehicle_state().heartbeat_t_s
+    if heard_s is None or now_s - heard_s > LINK_LOST_S:
+        return ("nothing is heard of the vehicle",)
+    missing = telemetry.missing_streams(now_s)
+    if missing:
+        found.append(f"missing: {', '.join(missing)}")
+    if wire.loss.loss_frac(now_s) > _MUCH_LOSS_FRAC:
+        found.append(f"{wire.loss.loss_frac(now_s):.0%} of the telemetry is lost")
+    if any(now_s - t_s < _FOREIGN_S for t_s in telemetry.foreign_stations.values()):
+        found.append("another ground station is on the link")
+    return tuple(found)
 
 
 def _distance_m(
