@@ -10,8 +10,10 @@ from tests.tracker.packs import write_pack
 from tracker.configs import COMPACT
 from tracker.train.cli import train
 from tracker.train.config import StageKind, TrainConfig, TrainConfigError
+from tracker.train.export import export
 from tracker.train.loop import Run
 from tracker.train.siamese import SiameseResponse, response_labels, siamese_loss
+from tracker.weights import load_network, read_manifest
 
 SHORT = {
     "packs": ["pack"],
@@ -112,3 +114,19 @@ def test_response_relates_every_search_to_every_template() -> None:
     search = torch.randn(3, c4, 28, 28), torch.randn(3, c5, 26, 26)
     template = torch.randn(3, c4, 8, 8), torch.randn(3, c5, 6, 6)
     assert response(search, template).shape == (2, 3, 3, 21, 21)
+
+
+def test_weights_come_out_with_where_they_come_from(data: Path) -> None:
+    (data / "sources.csv").write_text("part,repository,commit,licence,tier,files\ndrawn,ours,1,CC0,A,6\n")
+    assert train(SHORT, data, data / "run", 5.0, False, lambda _: None)
+    manifest = read_manifest(data / "run" / "weights.safetensors")
+    assert manifest.extra["data"] == [{"part": "drawn", "repository": "ours", "licence": "CC0"}]
+    assert manifest.extra["seed"] == 1
+    assert manifest.parts == ("backbone", "grader")  # an untrained ClimNet does not ship
+    assert load_network(data / "run" / "weights.safetensors").internet is None
+
+
+def test_export_of_another_file_is_refused(data: Path) -> None:
+    torch.save({"config": "{}"}, data / "other.pt")
+    with pytest.raises(ValueError, match="not a training checkpoint"):
+        export(data / "other.pt", data / "out.safetensors", data)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from tracker.configs import NETWORKS, TrackerConfig
+from tracker.configs import NETWORKS, NetworkConfig, TrackerConfig
 from tracker.network.climrt import ClimRT
-from tracker.train.config import TrainConfig
+from tracker.train.config import StageKind, TrainConfig
 from tracker.weights import save
 
 # The tracker's constants that suit weights of this training: both branches as probabilities, rate clipped.
@@ -26,6 +27,13 @@ def credits_of(data: Path, packs: tuple[str, ...]) -> list[dict[str, str]]:
         return [{"part": pack} for pack in packs]
     with table.open(newline="") as file:
         return [{k: row[k] for k in ("part", "repository", "licence")} for row in csv.DictReader(file)]
+
+
+def _trained_parts(config: TrainConfig) -> NetworkConfig:
+    """The network without ClimNet where the run did not train it: an untrained one draws noise."""
+    network = NETWORKS[config.network]
+    trained = any(stage.kind is StageKind.CLIMNET for stage in config.stages)
+    return network if trained else replace(network, climnet=None)
 
 
 def export(
@@ -43,8 +51,10 @@ def export(
     state = torch.load(checkpoint, weights_only=True, map_location="cpu")
     try:
         config = TrainConfig.from_dict(json.loads(state["config"]))
-        network = ClimRT(NETWORKS[config.network])
-        network.load_state_dict(state["average"])
+        network, tensors = ClimRT(_trained_parts(config)), state["average"]
+        if network.internet is None:
+            tensors = {k: v for k, v in tensors.items() if not k.startswith("internet.")}
+        network.load_state_dict(tensors)
         samples = int(state["position"][3])
     except (KeyError, RuntimeError) as error:
         raise ValueError(f"{checkpoint}: not a training checkpoint ({str(error).splitlines()[0]})") from error
