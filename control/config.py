@@ -35,7 +35,12 @@ class EstimatorConfig:
     initial_log_size_rate_std_ps: float = _ranged(0.01, 0.3, 5.0)
     # The standard deviations above are divided by the confidence; below the floor a box is not used at all.
     confidence_floor: float = _ranged(0.01, 0.2, 1.0)
-    gate_chi2: float = _ranged(1.0, 16.27, 50.0)  # chi-square, 3 degrees of freedom, 99.9 %
+    gate_chi2: float = _ranged(1.0, 13.82, 50.0)  # of the bearing: chi-square, 2 degrees of freedom, 99.9 %
+    size_gate_chi2: float = _ranged(1.0, 10.83, 50.0)  # 1 degree of freedom; outside it only the bearing counts
+    size_rejections: int = field(default=20, metadata={"low": 1, "high": 200})  # in a row: begin with the new size
+    max_log_size_rate_ps: float = _ranged(0.1, 0.5, 5.0)
+    rate_hold_s: float = _ranged(0.0, 0.3, 2.0)  # unmeasured for so long, the rates of elevation and size fade,
+    rate_fade_s: float = _ranged(0.05, 0.6, 10.0)  # with this time constant
     history_s: float = _ranged(0.1, 1.0, 5.0)  # a measurement may come this late
 
     def __post_init__(self) -> None:

@@ -1,14 +1,16 @@
 """Where the target is: a Kalman filter on the line of sight and the logarithm of the apparent size.
 
 State (azimuth, its rate, elevation, its rate, log size, its rate), constant rates, process noise from white
-acceleration, so that predicting twice is the same as predicting once for the sum of the times.
+acceleration. What is no longer measured is not carried on for ever: the rates of elevation and size fade, and
+the size's is bounded, for the last boxes of a target that goes behind something are the wrong ones. Bearing and
+size have a gate each, so that a box half covered still tells where the target is.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from control.types import BearingMeasurement, TargetState
 Array = NDArray[np.float64]
 
 _OBSERVE: Array = np.eye(6)[::2]  # (3, 6): azimuth, elevation, log size
+_NOTHING = 1e9  # variance of a measurement that is not to count
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +37,28 @@ class _Step:
     rejections: int
     confidence: float
     measured_t_s: float
+    size_t_s: float  # of the newest size that was fused
+    size_rejections: int = 0
 
 
 def transition(dt_s: float) -> Array:
     """(6, 6) constant-rate transition over dt_s."""
     f = np.eye(6)
     f[0, 1] = f[2, 3] = f[4, 5] = dt_s
+    return f
+
+
+def fading_transition(dt_s: float, age_s: float, size_age_s: float, config: EstimatorConfig) -> Array:
+    """(6, 6) transition over dt_s whose rates of elevation and size fade once unmeasured for rate_hold_s.
+
+    age_s, size_age_s: how long bearing and size have been unmeasured when it begins. In steps or at once: the same.
+    """
+    f = transition(dt_s)
+    for at, age in ((2, age_s), (4, size_age_s)):
+        kept_s = min(max(config.rate_hold_s - age, 0.0), dt_s)
+        factor = math.exp((kept_s - dt_s) / config.rate_fade_s)
+        f[at, at + 1] = kept_s + config.rate_fade_s * (1 - factor)
+        f[at + 1, at + 1] = factor
     return f
 
 
@@ -118,7 +137,7 @@ class TargetEstimator:
             return None
         step = self._steps[at]
         dt_s = t_s - step.measurement.t_capture_s
-        f = transition(dt_s)
+        f = self._transition(step, dt_s)
         x = f @ step.x
         std = np.sqrt(np.diag(f @ step.p @ f.T + process_noise(dt_s, self._config)))
         return TargetState(
@@ -146,23 +165,38 @@ class TargetEstimator:
         p[::2, ::2] = measurement_noise(m.confidence, self._config)
         p[1, 1] = p[3, 3] = rates[0] ** 2
         p[5, 5] = rates[1] ** 2
-        return _Step(m, x, p, True, 0, m.confidence, m.t_capture_s)
+        return _Step(m, x, p, True, 0, m.confidence, m.t_capture_s, m.t_capture_s)
+
+    def _transition(self, step: _Step, dt_s: float) -> Array:
+        t_s = step.measurement.t_capture_s
+        return fading_transition(dt_s, t_s - step.measured_t_s, t_s - step.size_t_s, self._config)
 
     def _next(self, step: _Step, m: BearingMeasurement) -> _Step:
         kalman, config = self._kalman, self._config
         dt_s = m.t_capture_s - step.measurement.t_capture_s
         kalman.x, kalman.P = step.x.copy(), step.p.copy()
-        kalman.predict(F=transition(dt_s), Q=process_noise(dt_s, config))
+        kalman.predict(F=self._transition(step, dt_s), Q=process_noise(dt_s, config))
         azimuth_rad = kalman.x[0] + wrap_pi(m.azimuth_rad - kalman.x[0])
         z = np.array([azimuth_rad, m.elevation_rad, m.log_size])
         r = measurement_noise(m.confidence, config)
         innovation = z - _OBSERVE @ kalman.x
-        surprise = innovation @ np.linalg.solve(_OBSERVE @ kalman.P @ _OBSERVE.T + r, innovation)
-        if not surprise <= config.gate_chi2:
+        surprise = innovation**2 / np.diag(_OBSERVE @ kalman.P @ _OBSERVE.T + r)
+        if not surprise[0] + surprise[1] <= config.gate_chi2:
             p = _symmetric(kalman.P)
-            return _Step(m, kalman.x, p, False, step.rejections + 1, step.confidence, step.measured_t_s)
+            return replace(step, measurement=m, x=kalman.x, p=p, accepted=False, rejections=step.rejections + 1)
+        size_fits = bool(surprise[2] <= config.size_gate_chi2)
+        size_rejections = 0 if size_fits else step.size_rejections + 1
+        if not size_fits:
+            r[2, 2] = _NOTHING
+        if size_rejections >= config.size_rejections:  # the bearing agrees all along: this is the size it has now
+            kalman.x[4:], kalman.P[4:, 4:] = (m.log_size, 0.0), self._first(m).p[4:, 4:]
+            size_fits, size_rejections = True, 0
         kalman.update(z, R=r)
-        return _Step(m, kalman.x, _symmetric(kalman.P), True, 0, m.confidence, m.t_capture_s)
+        bound = config.max_log_size_rate_ps
+        kalman.x[5] = min(max(kalman.x[5], -bound), bound)
+        size_t_s = m.t_capture_s if size_fits else step.size_t_s
+        p = _symmetric(kalman.P)
+        return _Step(m, kalman.x, p, True, 0, m.confidence, m.t_capture_s, size_t_s, size_rejections)
 
     def _forget_old(self) -> None:
         oldest_s = self._steps[-1].measurement.t_capture_s - self._config.history_s

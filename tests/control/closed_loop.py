@@ -149,7 +149,7 @@ def fly(path: Path, setup: Setup) -> Result:
         gap = target[0] - vehicle.north_m, target[1] - vehicle.east_m
         smallest = min(smallest, math.hypot(*gap))
         if tick % 2 == 0:
-            telemetry.append((now + 0.03, _telemetry(vehicle, now)))
+            telemetry.append((now + 0.03, telemetry_of(vehicle, now)))
         while telemetry and telemetry[0][0] <= now + 1e-9:
             arrival, state = telemetry.popleft()
             attitude.add(arrival - 0.03, state.roll_rad, state.pitch_rad, state.yaw_rad)
@@ -188,7 +188,8 @@ def fly(path: Path, setup: Setup) -> Result:
     return Result(_rms(bearings), _rms(distances), smallest, seen / len(bearings), trims, fastest, bearings[-1])
 
 
-def _telemetry(vehicle: Vehicle, now: float) -> VehicleState:
+def telemetry_of(vehicle: Vehicle, now: float) -> VehicleState:
+    """What the vehicle would report now: all fresh, and ours."""
     stamp = now
     return VehicleState(
         heartbeat_t_s=stamp, mode=VehicleMode.EXTERNAL, mode_t_s=stamp, armed=True, in_air=True,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from control.config import EstimatorConfig
-from control.estimator import TargetEstimator, process_noise, transition
+from control.estimator import TargetEstimator, fading_transition, process_noise, transition
 from control.types import BearingMeasurement
 
 CONFIG = EstimatorConfig()
@@ -143,15 +143,85 @@ def test_a_jump_is_rejected_counted_and_leaves_the_track_alone():
     assert estimator.rejections_in_a_row == 0
 
 
-@pytest.mark.parametrize(
-    ("offset", "accepted"),
-    [({"azimuth": 0.5}, True), ({"elevation": 0.1}, False), ({"log_size": -1.0}, False), ({}, True)],
-)
-def test_the_gate_looks_at_all_three(offset, accepted):
+def settled(**offset):
     estimator = TargetEstimator()
     for n in range(40):
-        estimator.update(sample(n * 0.05))
-    assert estimator.update(replace_measurement(sample(2.0), offset)) is accepted
+        estimator.update(sample(n * 0.05, **offset))
+    return estimator
+
+
+@pytest.mark.parametrize(
+    ("offset", "accepted"), [({"azimuth": 0.5}, True), ({"elevation": 0.1}, False), ({"azimuth": 0.8}, False)]
+)
+def test_the_gate_looks_at_both_angles(offset, accepted):
+    assert settled().update(replace_measurement(sample(2.0), offset)) is accepted
+
+
+def test_a_size_that_cannot_be_leaves_the_bearing_to_count():
+    estimator, fitting = settled(), settled()
+    before = estimator.predict(2.0)
+    assert estimator.update(sample(2.0, azimuth=0.51, log_size=-1.0))
+    assert fitting.update(sample(2.0, azimuth=0.51))
+    state = estimator.predict(2.0)
+    assert state.azimuth_rad == fitting.predict(2.0).azimuth_rad > before.azimuth_rad
+    assert (state.log_size, state.log_size_rate_ps) == pytest.approx((before.log_size, 0), abs=1e-9)
+    assert state.log_size_std == pytest.approx(before.log_size_std)
+    assert (state.rejections_in_a_row, state.measured_t_s) == (0, 2.0)
+
+
+def test_a_size_that_stays_is_believed_in_the_end():
+    estimator = settled()
+    for n in range(CONFIG.size_rejections - 1):
+        assert estimator.update(sample(2.0 + n * 0.05, log_size=-1.0))
+    assert estimator.predict(2.0 + n * 0.05).log_size == pytest.approx(-2.5, abs=0.02)
+    n += 1
+    assert estimator.update(sample(2.0 + n * 0.05, log_size=-1.0))
+    state = estimator.predict(2.0 + n * 0.05)
+    assert (state.log_size, state.log_size_rate_ps) == pytest.approx((-1.0, 0.0))
+    assert estimator.update(sample(2.05 + n * 0.05, log_size=-1.01))
+    assert estimator.predict(2.05 + n * 0.05).log_size == pytest.approx(-1.005, abs=0.005)
+
+
+def test_a_bearing_that_jumps_takes_its_size_with_it():
+    estimator, untouched = settled(), settled()
+    for n in range(40):
+        assert not estimator.update(sample(2.0 + n * 0.001, azimuth=2.0, log_size=-2.45))
+    got, expected = estimator.predict(2.1), untouched.predict(2.1)
+    assert (got.azimuth_rad, got.log_size) == pytest.approx((expected.azimuth_rad, expected.log_size))
+    assert got.rejections_in_a_row == 40
+
+
+def test_the_rate_of_size_is_bounded():
+    estimator = TargetEstimator()
+    for n in range(40):
+        estimator.update(sample(n * 0.05, log_size=-2.5 - 0.9 * n * 0.05))
+    assert estimator.predict(1.95).log_size_rate_ps == -CONFIG.max_log_size_rate_ps
+
+
+def test_unmeasured_the_rates_of_elevation_and_size_fade_and_that_of_azimuth_does_not():
+    estimator = TargetEstimator()
+    for n in range(80):
+        t = n * 0.05
+        estimator.update(sample(t, azimuth=0.3 * t, elevation=-0.2 - 0.1 * t, log_size=-2.5 + 0.2 * t))
+    last = 79 * 0.05
+    seen = estimator.predict(last)
+    held, faded = estimator.predict(last + CONFIG.rate_hold_s), estimator.predict(last + CONFIG.rate_hold_s + 0.6)
+    for rate in ("elevation_rate_rps", "log_size_rate_ps", "azimuth_rate_rps"):
+        assert getattr(held, rate) == pytest.approx(getattr(seen, rate))
+    assert faded.azimuth_rate_rps == pytest.approx(seen.azimuth_rate_rps)
+    assert faded.log_size_rate_ps == pytest.approx(seen.log_size_rate_ps * math.exp(-0.6 / CONFIG.rate_fade_s))
+    assert faded.elevation_rate_rps == pytest.approx(seen.elevation_rate_rps * math.exp(-0.6 / CONFIG.rate_fade_s))
+    reach = CONFIG.rate_hold_s + CONFIG.rate_fade_s
+    assert estimator.predict(last + 60).log_size == pytest.approx(seen.log_size + reach * seen.log_size_rate_ps)
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.2, 1.0])
+def test_fading_in_steps_is_fading_at_once(age_s):
+    at_once = fading_transition(0.7, age_s, age_s + 0.1, CONFIG)
+    steps = np.eye(6)
+    for n in range(7):
+        steps = fading_transition(0.1, age_s + 0.1 * n, age_s + 0.1 + 0.1 * n, CONFIG) @ steps
+    assert steps == pytest.approx(at_once)
 
 
 def replace_measurement(m, offset):
