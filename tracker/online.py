@@ -17,6 +17,8 @@ from tracker.network.inference import for_inference
 
 MIN_INIT_SIDE_PX = 4.0
 REFERENCE_FRAMES = 10
+NO_GAIN = (1.0, 1.0)
+GAIN_RANGE = (0.5, 2.0)  # a first guess further off than this is no bias but a miss
 
 
 class NotInitialisedError(ValueError):
@@ -61,6 +63,7 @@ class ClimRTTracker:
         self._first_side_px = 0
         self._fill: Colour = (0, 0, 0)
         self._confidence = Confidence()
+        self._size_gain = NO_GAIN
 
     def init(self, frame_bgr: Image, box: Box) -> None:
         """Take the object in the box (frame px) of this (H, W, 3) uint8 frame as the one to follow.
@@ -78,7 +81,27 @@ class ClimRTTracker:
             self._template = self._network.template(self._tensor(patch))
         self._box, self._first_side_px, self._fill = box, side_px, fill
         self._confidence = Confidence()
+        self._size_gain = self._calibrated(frame_bgr, self._template) if config.calibrate_size else NO_GAIN
         self._latent.reset()
+
+    def _calibrated(self, frame_bgr: Image, template: Features) -> tuple[float, float]:
+        """Factors that make the network's size of the object in its own first frame the size that was given.
+
+        A network that has learned sizes imperfectly errs alike on the same object again and again, and each
+        error would scale the next search patch: the box would grow or shrink without end.
+        """
+        self._size_gain = NO_GAIN
+        self._latent.reset()
+        decoded = self._step(frame_bgr, template)
+        if decoded.best is None:
+            return NO_GAIN
+        w_px, h_px = decoded.offsets_px[2:, decoded.best]
+        scale = self.config.exemplar_px / self._template_side_px(frame_bgr.shape[0] * frame_bgr.shape[1])
+        low, high = GAIN_RANGE
+        return (
+            min(max(self._box.w_px * scale / float(w_px), low), high),
+            min(max(self._box.h_px * scale / float(h_px), low), high),
+        )
 
     def update(self, frame_bgr: Image) -> TrackResult:
         """The object's box in the next frame. Raises NotInitialisedError, or ValueError for a bad frame."""
@@ -97,7 +120,7 @@ class ClimRTTracker:
         side_px = round(template_side_px * config.search_px / config.exemplar_px)
         patch = crop(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
         loc, cls1, cls2 = self._predict(self._tensor(patch), template)
-        return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config)
+        return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config, self._size_gain)
 
     def _template_side_px(self, frame_area: int) -> float:
         """Side of the square in the frame that corresponds to the template patch."""

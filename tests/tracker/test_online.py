@@ -1,16 +1,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from tracker.box import Box
-from tracker.configs import LatentProvider, TrackerConfig
+from tracker.configs import COMPACT, LatentProvider, TrackerConfig
 from tracker.crop import Image
 from tracker.network.climrt import ClimRT, Features
 from tracker.online import ClimRTTracker, Confidence, NotInitialisedError
+from tracker.train.objective import initial_network
 
 
 def frame(t: int) -> Image:
@@ -88,3 +91,21 @@ def test_confidence_is_relative_to_the_start() -> None:
     for score in (0.0, -3.0, math.nan):
         assert confidence.update(score) == 0.0
     assert confidence.update(0.2) == pytest.approx(0.25)  # the reference has not moved
+
+
+def _size_seen_at_once(calibrate: bool) -> tuple[float, float]:
+    """Width and height that the first update gives on the first frame itself, from 48 x 30 px."""
+    # The window alone chooses the cell: an untrained network's scores say nothing.
+    plain = TrackerConfig(latent=LatentProvider.OFF, cls2_is_logit=False, size_rate=3.0, window_influence=1.0)
+    config = replace(plain, calibrate_size=calibrate)
+    tracker = ClimRTTracker(initial_network(COMPACT, 3).eval(), config)
+    image = cv2.resize(np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8), (640, 480))
+    tracker.init(image, Box(320.0, 240.0, 48.0, 30.0))
+    box = tracker.update(image).box
+    return box.w_px, box.h_px
+
+
+def test_calibration_takes_the_bias_in_size_out() -> None:
+    biased = _size_seen_at_once(False)
+    assert abs(biased[1] / 30 - 1) > 0.15  # an untrained network has no idea of sizes
+    assert _size_seen_at_once(True) == pytest.approx((48, 30), rel=0.01)

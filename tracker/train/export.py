@@ -16,8 +16,8 @@ from tracker.network.climrt import ClimRT
 from tracker.train.config import StageKind, TrainConfig
 from tracker.weights import save
 
-# The tracker's constants that suit weights of this training: both branches as probabilities, rate clipped.
-TRAINED = TrackerConfig(cls2_is_logit=False, clip_rate=True)
+# The constants that suit weights of this training: probabilities, a clipped rate, sizes calibrated.
+TRAINED = TrackerConfig(cls2_is_logit=False, clip_rate=True, calibrate_size=True)
 
 
 def credits_of(data: Path, packs: tuple[str, ...]) -> list[dict[str, str]]:
