@@ -185,7 +185,8 @@ def bearing_measurement(
     # A thing off the axis looks larger by 1 / cos(angle), because its depth is less than its range.
     log_size = math.log(math.sqrt(w_px * h_px) * float(ray[2]) / camera.focal_px)
     elevation_rad = -math.asin(min(max(float(down), -1.0), 1.0))
-    return BearingMeasurement(t_capture_s, math.atan2(east, north), elevation_rad, log_size, confidence)
+    azimuth_rad, log_aspect = math.atan2(east, north), math.log(w_px / h_px)
+    return BearingMeasurement(t_capture_s, azimuth_rad, elevation_rad, log_size, confidence, log_aspect)
 
 
 def box_of(

@@ -39,6 +39,10 @@ class EstimatorConfig:
     size_gate_chi2: float = _ranged(1.0, 10.83, 50.0)  # 1 degree of freedom; outside it only the bearing counts
     size_rejections: int = field(default=20, metadata={"low": 1, "high": 200})  # in a row: begin with the new size
     max_log_size_rate_ps: float = _ranged(0.1, 0.5, 5.0)
+    # A box whose ln(width / height) changes faster than a target turns is taken to be covered from one side.
+    log_aspect_rate_ps: float = _ranged(0.05, 0.25, 10.0)
+    log_aspect_tolerance: float = _ranged(0.0, 0.15, 2.0)
+    covered_factor: float = _ranged(0.0, 6.0, 10.0)  # noise over what one covered box may mislead by
     rate_hold_s: float = _ranged(0.0, 0.3, 2.0)  # unmeasured for so long, the rates of elevation and size fade,
     rate_fade_s: float = _ranged(0.05, 0.6, 10.0)  # with this time constant
     history_s: float = _ranged(0.1, 1.0, 5.0)  # a measurement may come this late
@@ -58,6 +62,14 @@ class FollowConfig:
     target_velocity_gain: float = _ranged(0.0, 0.95, 1.0)  # how far the vehicle moves along with the target
     target_velocity_std_mps: float = _ranged(0.1, 10.0, 20.0)  # std of it at which half is left
     rate_lag_s: float = _ranged(0.0, 0.6, 2.0)  # how late the filter's rates are, for matching own velocity
+    # How far size may differ from what height and depression say: ln of the distance, its rate, and on top of the
+    # first an angle that depression may be wrong by.
+    size_tolerance: float = _ranged(0.0, 0.12, 2.0)
+    size_rate_tolerance_ps: float = _ranged(0.0, 0.15, 2.0)
+    depression_std_rad: float = _ranged(0.0, math.radians(1), math.radians(20))
+    target_acceleration_mps2: float = _ranged(0.5, 2.0, 20.0)
+    blind_hold_s: float = _ranged(0.0, 1.0, 5.0)  # the velocity of a target half covered is kept so long, then it
+    blind_fade_s: float = _ranged(0.05, 1.0, 10.0)  # fades with this time constant
     height_gain_ps: float = _ranged(0.05, 0.8, 2.0)
     station_gain_ps: float = _ranged(0.05, 0.5, 2.0)  # spotlight holds its place
     max_station_speed_mps: float = _ranged(0.1, 2.0, 5.0)
@@ -72,7 +84,7 @@ class FollowConfig:
     time_to_collision_s: float = _ranged(1.0, 3.0, 10.0)
     closing_confidence: float = _ranged(0.0, 0.4, 1.0)  # below it distance may only grow
     full_confidence: float = _ranged(0.0, 0.6, 1.0)  # from it on full speed
-    view_margin_frac: float = _ranged(0.0, 0.2, 0.45)  # of the picture's height, kept free at top and bottom
+    view_margin_frac: float = _ranged(0.0, 0.12, 0.45)  # of the picture's height, kept free at top and bottom
     min_acceleration_mps2: float = _ranged(0.2, 0.8, 3.0)  # always allowed, whatever the picture
     lead_s: float = _ranged(0.0, 0.1, 0.5)  # command link plus half a command period
 

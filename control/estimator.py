@@ -23,6 +23,7 @@ from control.types import BearingMeasurement, TargetState
 Array = NDArray[np.float64]
 
 _OBSERVE: Array = np.eye(6)[::2]  # (3, 6): azimuth, elevation, log size
+_MOST_TURN_S = 0.2  # unseen for longer, the target's aspect is taken to have changed by no more
 _NOTHING = 1e9  # variance of a measurement that is not to count
 
 
@@ -38,7 +39,9 @@ class _Step:
     confidence: float
     measured_t_s: float
     size_t_s: float  # of the newest size that was fused
+    log_aspect: float  # of the whole target, following no faster than a target can turn
     size_rejections: int = 0
+    trust: tuple[float, float] = (1.0, 1.0)  # in elevation and size, as far as nothing covers them
 
 
 def transition(dt_s: float) -> Array:
@@ -80,6 +83,22 @@ def measurement_noise(confidence: float, config: EstimatorConfig) -> Array:
     weak = 1.0 / min(max(confidence, config.confidence_floor), 1.0)
     std = np.array([config.bearing_std_rad, config.bearing_std_rad, config.log_size_std]) * weak
     return np.diag(std**2)
+
+
+def covered_std(measurement: BearingMeasurement, log_aspect: float, config: EstimatorConfig) -> Array:
+    """(3,) by how much a side that is newly hidden may mislead: azimuth (rad), elevation (rad), log size.
+
+    log_aspect: that of the whole box. A box that lost of its width, or height, to one side has its centre off
+    by half of what is lost, and its log size by half of the change of its log aspect.
+    """
+    change = measurement.log_aspect - log_aspect
+    change = math.copysign(min(max(abs(change) - config.log_aspect_tolerance, 0.0), 2.0), change)
+    width_rad = math.exp(measurement.log_size + measurement.log_aspect / 2)
+    height_rad = math.exp(measurement.log_size - measurement.log_aspect / 2)
+    across_rad = width_rad * math.expm1(max(-change, 0.0)) / 2 / max(math.cos(measurement.elevation_rad), 0.1)
+    return config.covered_factor * np.array(
+        [across_rad, height_rad * math.expm1(max(change, 0.0)) / 2, abs(change) / 2]
+    )
 
 
 class TargetEstimator:
@@ -156,6 +175,8 @@ class TargetEstimator:
             rejections_in_a_row=step.rejections,
             elevation_std_rad=float(std[2]),
             log_size_rate_std_ps=float(std[5]),
+            elevation_trust=step.trust[0],
+            size_trust=step.trust[1],
         )
 
     def _first(self, m: BearingMeasurement) -> _Step:
@@ -165,7 +186,7 @@ class TargetEstimator:
         p[::2, ::2] = measurement_noise(m.confidence, self._config)
         p[1, 1] = p[3, 3] = rates[0] ** 2
         p[5, 5] = rates[1] ** 2
-        return _Step(m, x, p, True, 0, m.confidence, m.t_capture_s, m.t_capture_s)
+        return _Step(m, x, p, True, 0, m.confidence, m.t_capture_s, m.t_capture_s, m.log_aspect)
 
     def _transition(self, step: _Step, dt_s: float) -> Array:
         t_s = step.measurement.t_capture_s
@@ -179,6 +200,10 @@ class TargetEstimator:
         azimuth_rad = kalman.x[0] + wrap_pi(m.azimuth_rad - kalman.x[0])
         z = np.array([azimuth_rad, m.elevation_rad, m.log_size])
         r = measurement_noise(m.confidence, config)
+        covered = np.diag(covered_std(m, step.log_aspect, config) ** 2)
+        whole = np.diag(r) / np.diag(r + covered)
+        trust = float(whole[1]), float(whole[2])
+        r += covered
         innovation = z - _OBSERVE @ kalman.x
         surprise = innovation**2 / np.diag(_OBSERVE @ kalman.P @ _OBSERVE.T + r)
         if not surprise[0] + surprise[1] <= config.gate_chi2:
@@ -195,8 +220,10 @@ class TargetEstimator:
         bound = config.max_log_size_rate_ps
         kalman.x[5] = min(max(kalman.x[5], -bound), bound)
         size_t_s = m.t_capture_s if size_fits else step.size_t_s
+        turn = config.log_aspect_rate_ps * min(dt_s, _MOST_TURN_S)
+        log_aspect = step.log_aspect + min(max(m.log_aspect - step.log_aspect, -turn), turn)
         p = _symmetric(kalman.P)
-        return _Step(m, kalman.x, p, True, 0, m.confidence, m.t_capture_s, size_t_s, size_rejections)
+        return _Step(m, kalman.x, p, True, 0, m.confidence, m.t_capture_s, size_t_s, log_aspect, size_rejections, trust)
 
     def _forget_old(self) -> None:
         oldest_s = self._steps[-1].measurement.t_capture_s - self._config.history_s

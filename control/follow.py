@@ -7,14 +7,15 @@ across it (tangential, clockwise seen from above is positive).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from control.attitude import wrap_pi
 from control.camera import CameraModel
 from control.config import ControlConfig, FollowConfig
 from control.limits import ShapeState, Wish, shape
-from control.modes import Confirmation, FollowMode
+from control.modes import Confirmation, FollowMode, sure_ground_m
+from control.motion import Belief, TargetMotion, believe, fade, target_motion
 from control.types import TargetState, Vec3, VehicleState, VelocityRequest
 
 _GRAVITY_MPS2 = 9.81
@@ -28,22 +29,12 @@ class FollowState:
 
     shaping: ShapeState
     own_velocity_ned_mps: Vec3 | None = None
+    belief: Belief | None = None
 
     @classmethod
     def at_rest(cls, now_s: float) -> FollowState:
         """Where every follow begins, and where it begins again after any stop."""
         return cls(ShapeState(now_s))
-
-
-@dataclass(frozen=True, slots=True)
-class TargetMotion:
-    """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread."""
-
-    distance_m: float
-    radial_mps: float
-    tangential_mps: float
-    own_radial_mps: float
-    own_tangential_mps: float
 
 
 def follow_request(
@@ -64,7 +55,11 @@ def follow_request(
     (1 while following, falling to 0 while coasting).
     """
     own = _lagged(state, vehicle.velocity_ned_mps, now_s, config.follow)
-    wish = follow_wish(confirmation, target, vehicle, camera, config.follow, own, coasting=coasting)
+    ground_m = sure_ground_m(target, vehicle, config.follow)
+    radial_mps = target_motion(confirmation, target, own, config.follow, ground_m).radial_mps
+    trust = target.size_trust if ground_m is None else max(target.size_trust, target.elevation_trust)
+    belief = believe(state.belief, radial_mps, trust, now_s, config.follow)
+    wish = follow_wish(confirmation, target, vehicle, camera, config.follow, own, belief, coasting=coasting)
     if velocity_factor < 1.0:
         factor = max(velocity_factor, 0.0)
         north, east, down = wish.velocity_ned_mps
@@ -75,7 +70,7 @@ def follow_request(
             limited_by=(*wish.limited_by, "coasting"),
         )
     request, after, _ = shape(state.shaping, wish, now_s, config.shaping)
-    return request, FollowState(after, own)
+    return request, FollowState(after, own, belief)
 
 
 def follow_wish(
@@ -85,6 +80,7 @@ def follow_wish(
     camera: CameraModel,
     config: FollowConfig,
     own_velocity_ned_mps: Vec3,
+    belief: Belief | None = None,
     *,
     coasting: bool = False,
 ) -> Wish:
@@ -93,7 +89,9 @@ def follow_wish(
         case FollowMode.SPOTLIGHT:
             return spotlight(confirmation, target, vehicle, camera, config)
         case FollowMode.FOLLOW:
-            return follow(confirmation, target, vehicle, camera, config, own_velocity_ned_mps, coasting=coasting)
+            return follow(
+                confirmation, target, vehicle, camera, config, own_velocity_ned_mps, belief, coasting=coasting
+            )
         case _:  # pragma: no cover - the type checker proves it
             assert_never(confirmation.mode)
 
@@ -139,11 +137,15 @@ def follow(
     camera: CameraModel,
     config: FollowConfig,
     own_velocity_ned_mps: Vec3,
+    belief: Belief | None = None,
     *,
     coasting: bool = False,
 ) -> Wish:
     """Yaw to the target, hold distance and height, move along with it; never close in on a guess."""
-    motion = target_motion(confirmation, target, own_velocity_ned_mps, config)
+    ground_m = sure_ground_m(target, vehicle, config)
+    motion = target_motion(confirmation, target, own_velocity_ned_mps, config, ground_m)
+    if belief is not None:
+        motion = replace(motion, radial_mps=belief.radial_mps)
     error_m = motion.distance_m - confirmation.standoff_m
     radial = config.range_gain_ps * error_m + config.target_velocity_gain * motion.radial_mps
     tangential = config.target_velocity_gain * motion.tangential_mps
@@ -169,32 +171,6 @@ def follow(
         (north, east),
         view_acceleration_mps2(target.elevation_rad, camera, config),
         names,
-    )
-
-
-def distance_m(confirmation: Confirmation, target: TargetState) -> float:
-    """Ground distance from how the apparent size has changed: d = d* exp(s* - s)."""
-    shrink = min(max(confirmation.log_size - target.log_size, -5.0), 5.0)
-    return confirmation.range_m * math.exp(shrink) * math.cos(target.elevation_rad)
-
-
-def target_motion(
-    confirmation: Confirmation, target: TargetState, own_velocity_ned_mps: Vec3, config: FollowConfig
-) -> TargetMotion:
-    """The target's horizontal velocity: what the line of sight does, plus what the vehicle does itself."""
-    distance = distance_m(confirmation, target)
-    north, east = math.cos(target.azimuth_rad), math.sin(target.azimuth_rad)
-    own_n, own_e, _ = own_velocity_ned_mps
-    own_radial, own_tangential = own_n * north + own_e * east, own_e * north - own_n * east
-    opening = -target.log_size_rate_ps - math.tan(target.elevation_rad) * target.elevation_rate_rps
-    spread = config.target_velocity_std_mps
-    return TargetMotion(
-        distance_m=distance,
-        radial_mps=(own_radial + distance * opening) * fade(distance * target.log_size_rate_std_ps, spread),
-        tangential_mps=(own_tangential + distance * target.azimuth_rate_rps)
-        * fade(distance * target.azimuth_rate_std_rps, spread),
-        own_radial_mps=own_radial,
-        own_tangential_mps=own_tangential,
     )
 
 
@@ -228,22 +204,17 @@ def confidence_factor(confidence: float, config: FollowConfig) -> float:
     return max(0.0, (confidence - low) / (config.full_confidence - low))
 
 
-def fade(std: float, half_at: float) -> float:
-    """How much of a feed-forward to believe: 1 when certain, one half at half_at, towards 0 beyond."""
-    return 1.0 / (1.0 + (std / half_at) ** 2)
-
-
 def _limit_closing(
     radial: float, motion: TargetMotion, target: TargetState, config: FollowConfig, coasting: bool
 ) -> tuple[float, tuple[str, ...], bool]:
     """Bound the speed towards the target: by stopping distance, time to collision, coasting, confidence."""
-    caps = {"stopping distance": stoppable_speed_mps(motion.distance_m - config.min_distance_m, config)}
+    caps = {"stopping distance": stoppable_speed_mps(motion.nearest_m - config.min_distance_m, config)}
     sure_rate_ps = target.log_size_rate_ps - target.log_size_rate_std_ps
     collision = sure_rate_ps * config.time_to_collision_s > 1.0
     if collision:
         caps["time to collision"] = 0.0
-    if coasting:
-        caps["coasting"] = 0.0
+    if coasting:  # it may still be moving on: keep up with it as the velocity fades, never close in, never speed up
+        caps["coasting"] = max(min(motion.radial_mps, motion.own_radial_mps), 0.0)
     if target.confidence < config.closing_confidence:
         caps["closing confidence"] = 0.0
     names = tuple(name for name, cap in caps.items() if radial > cap)

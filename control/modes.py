@@ -9,6 +9,8 @@ from enum import Enum
 from control.config import FollowConfig
 from control.types import TargetState, Vec3, VehicleState
 
+_SURE_DEPRESSION_FACTOR = 2.0  # times the least depression from which a distance is told at all
+
 
 class FollowMode(Enum):
     """What the vehicle does once a follow is confirmed."""
@@ -26,6 +28,8 @@ class Confirmation:
     """What holds from the moment of confirmation on.
 
     range_m: slant range to the target when it had log_size. standoff_m: ground distance to hold.
+    ground_factor: the distance confirmed over what height and depression said of it, so 1 unless the operator
+    typed one, whose word on sloping ground is kept; None where the line of sight was too flat to tell.
     """
 
     mode: FollowMode
@@ -35,6 +39,7 @@ class Confirmation:
     standoff_m: float
     height_m: float
     position_ned_m: Vec3
+    ground_factor: float | None = None
 
 
 def ground_distance_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
@@ -43,6 +48,13 @@ def ground_distance_m(target: TargetState, vehicle: VehicleState, config: Follow
     if not (depression_rad >= config.min_depression_rad and vehicle.height_m > 0):
         return None
     return vehicle.height_m / math.tan(depression_rad)
+
+
+def sure_ground_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
+    """The same, where the line of sight is steep enough for it to contradict the size."""
+    if -target.elevation_rad < _SURE_DEPRESSION_FACTOR * config.min_depression_rad:
+        return None
+    return ground_distance_m(target, vehicle, config)
 
 
 def confirm(
@@ -81,4 +93,5 @@ def confirm(
         standoff_m=standoff,
         height_m=vehicle.height_m,
         position_ned_m=vehicle.position_ned_m,
+        ground_factor=None if (ground := sure_ground_m(target, vehicle, config)) is None else distance / ground,
     )

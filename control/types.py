@@ -53,6 +53,7 @@ class BearingMeasurement:
     azimuth_rad: from north, clockwise seen from above. elevation_rad: above the horizon is positive.
     log_size: ln(sqrt(box area in px²) * cos(angle off the optical axis) / focal length in px), so that it is
     ln(object size / slant range) wherever in the picture the box stands. confidence: 0..1 of the tracker.
+    log_aspect: ln(width / height) of the box; where it is left at 0 nothing is known of what covers the target.
     """
 
     t_capture_s: float
@@ -60,6 +61,7 @@ class BearingMeasurement:
     elevation_rad: float
     log_size: float
     confidence: float
+    log_aspect: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,9 @@ class TargetState:
     rejections_in_a_row: int
     elevation_std_rad: float = 0.0
     log_size_rate_std_ps: float = 0.0
+    # How far the newest box was taken for the whole target: towards 0 its size, or its elevation, was covered.
+    size_trust: float = 1.0
+    elevation_trust: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,9 +142,7 @@ class FollowControl:
         self._engaged = output.engaging or output.state in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
         if self._engaged and not was_engaged:
             self.confirmation, self._follow = candidate, FollowState.at_rest(now_s)
-            self._ranging = None
-            if candidate is not None and target is not None:
-                self._ranging = Ranging.begin(candidate, target, vehicle, self._config.follow)
+            self._ranging = Ranging(candidate.range_m) if candidate is not None else None
             self._inputs = replace(self._inputs, request_t_s=None)
         request = self._request(output, target, vehicle, now_s)
         setpoint, reason = gate(request, vehicle, now_s, self._previous, self._config.limits)

@@ -12,8 +12,8 @@ from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, box_of
 from control.config import FollowConfig
 from control.engagement import State
-from control.follow import distance_m
 from control.modes import Confirmation, ground_distance_m
+from control.motion import distance_m
 from control.types import BearingMeasurement, TargetState, VehicleState
 from gcs import hud
 from gcs.flight_control import Tick

@@ -11,19 +11,17 @@ from control.config import ControlConfig, FollowConfig, ShapingConfig
 from control.follow import (
     FollowState,
     confidence_factor,
-    distance_m,
-    fade,
     follow,
     follow_request,
     follow_wish,
     spotlight,
     stoppable_speed_mps,
-    target_motion,
     view_acceleration_mps2,
     yaw_rate_rps,
 )
 from control.limits import ShapeState, Wish, after_setpoint, priming_request, shape, zero_request
 from control.modes import ConfirmError, FollowMode, confirm, ground_distance_m
+from control.motion import Belief, believe, distance_m, fade, target_motion
 from control.types import TargetState, VehicleState
 
 CONFIG = FollowConfig()
@@ -187,6 +185,92 @@ def test_no_closing_while_coasting_or_unsure(changes, coasting):
     assert near.velocity_ned_mps[0] < 0
 
 
+def test_coasting_keeps_up_but_neither_closes_in_nor_speeds_up():
+    """The target left at 3 m/s when last seen."""
+    leaving = {"log_size": -3.0, "log_size_rate_ps": -0.1}
+    keeping = wish(own=(1.5, 0.0, 0.0), coasting=True, **leaving)
+    assert wish(own=(1.5, 0.0, 0.0), **leaving).velocity_ned_mps[0] > 2.0
+    assert keeping.velocity_ned_mps[0] == pytest.approx(1.5)
+    faster = wish(own=(5.0, 0.0, 0.0), coasting=True, log_size=-3.0, log_size_rate_ps=0.2)
+    assert faster.velocity_ned_mps[0] == pytest.approx(target_motion(
+        confirmed(), target(log_size=-3.0, log_size_rate_ps=0.2), (5.0, 0.0, 0.0), CONFIG, 15.0
+    ).radial_mps)  # fmt: skip
+    assert 0.0 < faster.velocity_ned_mps[0] < 5.0
+
+
+def ground_motion(ground_m=15.0, own=STILL, **changes):
+    return target_motion(confirmed(), target(**changes), own, CONFIG, ground_m)
+
+
+def test_size_is_believed_only_so_far_from_what_height_and_depression_say():
+    half = -2.5 + math.log(0.5)
+    assert target_motion(confirmed(), target(log_size=half), STILL, CONFIG).distance_m == pytest.approx(30.0)
+    covered, grown = ground_motion(log_size=half), ground_motion(log_size=-2.5 - math.log(0.5))
+    assert 15.0 < covered.distance_m < 15.0 * 1.25
+    assert 15.0 / 1.25 < grown.distance_m < 15.0
+    assert (covered.nearest_m, grown.nearest_m) == pytest.approx((15.0, 7.5))
+    assert ground_motion(log_size=-2.55).distance_m == pytest.approx(15.0 * math.exp(0.05))
+    blind = ground_motion(log_size=half, size_trust=0.0)
+    assert 15.0 < blind.distance_m < covered.distance_m
+
+
+def test_the_rate_of_size_is_believed_only_so_far_from_that_of_depression():
+    """16 m/s away, says the size; standing, says the depression."""
+    slack = CONFIG.size_rate_tolerance_ps
+    assert target_motion(confirmed(), target(log_size_rate_ps=-1.0), STILL, CONFIG).radial_mps == pytest.approx(15.0)
+    assert ground_motion(log_size_rate_ps=-1.0).radial_mps == pytest.approx(15.0 * slack)
+    assert ground_motion(log_size_rate_ps=1.0).radial_mps == pytest.approx(-15.0 * slack)
+    assert ground_motion(log_size_rate_ps=-1.0, size_trust=0.0).radial_mps == pytest.approx(0.0)
+    # Leaving at 1.5 m/s over level ground: the same from depression alone.
+    rate = 1.5 * 5.0 / (15.0**2 + 5.0**2)
+    leaving = ground_motion(elevation_rate_rps=rate, log_size_rate_ps=0.0, size_trust=0.0)
+    assert leaving.radial_mps == pytest.approx(1.5)
+
+
+def test_a_shrinking_box_at_the_same_depression_is_hardly_chased():
+    half = -2.5 + math.log(0.5)
+    flat = replace(confirmed(), ground_factor=None)
+    chased = follow(flat, target(log_size=half, log_size_rate_ps=-0.5), VEHICLE, CAMERA, CONFIG, STILL)
+    assert chased.velocity_ned_mps[0] == pytest.approx(CONFIG.max_speed_mps)
+    assert wish(log_size=half, size_trust=0.0).velocity_ned_mps[0] < 0.5
+
+
+def test_the_velocity_of_a_covered_target_is_kept_then_given_up():
+    belief = believe(None, 1.5, 1.0, 10.0, CONFIG)
+    assert belief == Belief(10.0, 1.5)
+    history = []
+    for n in range(80):
+        belief = believe(belief, -9.0, 0.0, 10.05 + n * 0.05, CONFIG)
+        history.append(belief.radial_mps)
+    assert history[18] == pytest.approx(1.5)
+    assert history[79] == pytest.approx(1.5 * math.exp(-(4.0 - CONFIG.blind_hold_s) / CONFIG.blind_fade_s), rel=0.1)
+    whole = believe(belief, belief.radial_mps, 1.0, belief.t_s + 0.05, CONFIG)
+    assert whole.blind_s == 0.0
+
+
+def test_nothing_on_the_ground_jumps_to_another_velocity():
+    belief = believe(Belief(10.0, 1.0), 9.0, 1.0, 10.1, CONFIG)
+    assert belief.radial_mps == pytest.approx(1.0 + 0.1 * CONFIG.target_acceleration_mps2)
+    assert believe(belief, -9.0, 1.0, 10.2, CONFIG).radial_mps == pytest.approx(1.0)
+    assert believe(Belief(10.0, 1.0), 9.0, 1.0, 9.0, CONFIG).radial_mps == 1.0
+
+
+@pytest.mark.parametrize(("trust", "elevation_trust", "speed_mps"), [(1.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 0.0, 0.0)])
+def test_depression_alone_tells_the_velocity_where_it_is_whole(trust, elevation_trust, speed_mps):
+    """The target has begun to leave at 2 m/s; both size and depression say so."""
+    rate = 2.0 / 15.0
+    leaving = target(
+        log_size_rate_ps=-rate * math.cos(DOWN) ** 2, elevation_rate_rps=rate * math.sin(-DOWN) * math.cos(DOWN),
+        size_trust=trust, elevation_trust=elevation_trust,
+    )  # fmt: skip
+    state, now = FollowState.at_rest(10.0), 10.0
+    _, state = follow_request(confirmed(), target(), VEHICLE, CAMERA, now, state, ControlConfig())
+    for _ in range(20):
+        now += 0.05
+        _, state = follow_request(confirmed(), leaving, VEHICLE, CAMERA, now, state, ControlConfig())
+    assert state.belief.radial_mps == pytest.approx(speed_mps, abs=0.01)
+
+
 def test_a_weak_score_slows_smoothly():
     factors = [confidence_factor(c / 20, CONFIG) for c in range(21)]
     assert factors == sorted(factors)
@@ -226,7 +310,8 @@ def tick(state, now, **kwargs):
 
 
 def test_requests_are_shaped_and_coasting_fades_them():
-    far = target(log_size=-3.0, azimuth_rad=0.5)
+    further = math.log(math.hypot(15, 5) / math.hypot(25, 5))
+    far = target(log_size=-2.5 + further, azimuth_rad=0.5, elevation_rad=-math.atan2(5, 25))
     state, now = FollowState.at_rest(10.0), 10.0
     requests = []
     for n in range(40):

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from control.config import FollowConfig
-from control.follow import distance_m
 from control.modes import Confirmation, FollowMode, confirm
+from control.motion import distance_m
 from control.ranging import Ranging
 from control.types import TargetState, VehicleState
 
@@ -26,9 +26,7 @@ def target(distance: float, log_size: float, confidence: float = 0.9, height_m: 
 def begun(distance: float = 18.0, typed: float | None = None) -> tuple[Confirmation, Ranging]:
     seen = target(distance, -2.0)
     confirmation = confirm(FollowMode.FOLLOW, seen, VEHICLE, 0.0, CONFIG, distance_m=typed)
-    ranging = Ranging.begin(confirmation, seen, VEHICLE, CONFIG)
-    assert ranging is not None
-    return confirmation, ranging
+    return confirmation, Ranging(confirmation.range_m)
 
 
 def led(confirmation: Confirmation, ranging: Ranging, seen: TargetState, seconds: float) -> Confirmation:
@@ -70,8 +68,12 @@ def test_the_range_is_led_only_so_far() -> None:
     assert after.range_m == pytest.approx(1.7 * confirmation.range_m)
 
 
-def test_a_flat_sight_begins_nothing() -> None:
+def test_a_flat_sight_leads_nothing() -> None:
     seen = target(79.0, -2.0)
     confirmation = confirm(FollowMode.FOLLOW, seen, VEHICLE, 0.0, CONFIG)
-    assert Ranging.begin(confirmation, seen, VEHICLE, CONFIG) is None
-    assert Ranging.begin(confirmation, seen, replace(VEHICLE, height_m=-1.0), CONFIG) is None
+    assert confirmation.ground_factor is None
+    assert led(confirmation, Ranging(confirmation.range_m), target(18.0, -2.0), 5.0) == confirmation
+    sure = confirm(FollowMode.FOLLOW, target(18.0, -2.0), VEHICLE, 0.0, CONFIG)
+    assert sure.ground_factor == pytest.approx(1.0)
+    on_the_ground = replace(VEHICLE, height_m=-1.0)
+    assert Ranging(sure.range_m).lead(sure, target(18.0, -1.8), on_the_ground, 0.05, CONFIG) == sure

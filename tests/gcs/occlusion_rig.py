@@ -46,12 +46,16 @@ class Side(Enum):
 
 @dataclass(frozen=True)
 class Cover:
-    """An edge that comes over the car within cover_s, hides it for gone_s, and goes on the way it came."""
+    """An edge that comes over the car within cover_s, hides it for gone_s, and goes on over the other side.
+
+    depth: how much of the box it hides; a part only, and it goes back the way it came.
+    """
 
     side: Side = Side.TOP
     from_s: float = 25.0
     cover_s: float = 0.5
     gone_s: float = 0.9
+    depth: float = 1.0
 
     @property
     def until_s(self) -> float:
@@ -62,6 +66,8 @@ class Cover:
         """What part of the box is left, from 0 (the side the edge comes from) to 1."""
         covered = min(max((t_s - self.from_s) / self.cover_s, 0.0), 1.0)
         freed = min(max((t_s - self.until_s + self.cover_s) / self.cover_s, 0.0), 1.0)
+        if self.depth < 1.0:
+            return self.depth * (covered - freed), 1.0
         return (covered, 1.0) if freed == 0.0 else (0.0, freed)
 
     def cut(self, box: Box, t_s: float) -> Box | None:
@@ -89,6 +95,8 @@ class Flight:
     duration_s: float = 42.0
     seed: int = 1
     standoff_m: float | None = None
+    circle_from_s: float = math.inf  # from then on it drives a circle to the right
+    radius_m: float = 16.0
     config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence_radius_m=500.0)))
 
 
@@ -107,7 +115,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Distance errors as a share of what it was just before the edge came; recovery: within 10 % for good."""
+    """Distance errors as a share of what it was just before the edge came.
+
+    recovery_s: from the car being whole again to the distance being within 10 %, after the largest error.
+    """
 
     rows: list[Row]
     peak_frac: float
@@ -119,13 +130,24 @@ class Outcome:
     end_state: State
 
 
-def car_box(vehicle: Vehicle, car_north_m: float, rng: random.Random | None, noise_px: float) -> Box | None:
-    """The box around the car's eight corners in a 640 x 480 picture; the car heads north."""
+@dataclass(frozen=True)
+class Car:
+    """Where it is and heads."""
+
+    north_m: float
+    east_m: float = 0.0
+    heading_rad: float = 0.0
+
+
+def car_box(vehicle: Vehicle, car: Car, rng: random.Random, noise_px: float) -> Box | None:
+    """The box around the car's eight corners in a 640 x 480 picture."""
     length, width, height = CAR_M
     us, vs = [], []
     for corner in range(8):
-        n = car_north_m - vehicle.north_m + (length / 2 if corner & 1 else -length / 2)
-        e = -vehicle.east_m + (width / 2 if corner & 2 else -width / 2)
+        along, across = (length / 2 if corner & 1 else -length / 2), (width / 2 if corner & 2 else -width / 2)
+        c, s = math.cos(car.heading_rad), math.sin(car.heading_rad)
+        n = car.north_m - vehicle.north_m + along * c - across * s
+        e = car.east_m - vehicle.east_m + along * s + across * c
         d = vehicle.height_m - (height if corner & 4 else 0.0)
         c, s = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
         forward, right = n * c + e * s, e * c - n * s
@@ -139,19 +161,24 @@ def car_box(vehicle: Vehicle, car_north_m: float, rng: random.Random | None, noi
             return None
         us.append(320 + FOCAL_PX * right / forward)
         vs.append(240 + FOCAL_PX * down / forward)
-    left, right_px, top, bottom = (
-        edge + (rng.gauss(0, noise_px) if rng else 0.0) for edge in (min(us), max(us), min(vs), max(vs))
-    )
+    left, right_px, top, bottom = (edge + rng.gauss(0, noise_px) for edge in (min(us), max(us), min(vs), max(vs)))
     if not (0 < (left + right_px) / 2 < 640 and 0 < (top + bottom) / 2 < 480):
         return None
     return Box((left + right_px) / 2, (top + bottom) / 2, max(right_px - left, 3.0), max(bottom - top, 3.0))
 
 
-def car_north_m(t_s: float, speed_mps: float) -> float:
+def car_at(t_s: float, flight: Flight) -> Car:
     """Standing until _DRIVE_S, then gaining 1 m/s every second up to its speed."""
+    north_m = START_M + _driven_m(min(t_s, flight.circle_from_s), flight.speed_mps)
+    turned_rad = (START_M + _driven_m(t_s, flight.speed_mps) - north_m) / flight.radius_m
+    east_m = flight.radius_m * (1 - math.cos(turned_rad))
+    return Car(north_m + flight.radius_m * math.sin(turned_rad), east_m, turned_rad)
+
+
+def _driven_m(t_s: float, speed_mps: float) -> float:
     driven_s = max(t_s - _DRIVE_S, 0.0)
     ramp_s = min(driven_s, speed_mps)
-    return START_M + ramp_s**2 / 2 + speed_mps * (driven_s - ramp_s)
+    return ramp_s**2 / 2 + speed_mps * (driven_s - ramp_s)
 
 
 def fly(flight: Flight) -> Outcome:
@@ -167,7 +194,7 @@ def fly(flight: Flight) -> Outcome:
     for step in range(round(flight.duration_s / DT_S)):
         now = 1.0 + step * DT_S
         vehicle.step(*command)
-        north_m = car_north_m(now, flight.speed_mps)
+        car = car_at(now, flight)
         if step % 2 == 0:
             telemetry.append((now + 0.03, replace(telemetry_of(vehicle, now), mode=mode, battery_frac=1.0)))
         while telemetry and telemetry[0][0] <= now + 1e-9:
@@ -175,7 +202,7 @@ def fly(flight: Flight) -> Outcome:
             stamp = state.attitude_t_s or 0.0
             attitude.add(stamp, state.roll_rad, state.pitch_rad, state.yaw_rad)
         if step % 5 == 1:
-            box = car_box(vehicle, north_m, rng, flight.noise_px)
+            box = car_box(vehicle, car, rng, flight.noise_px)
             if box is not None and flight.cover is not None:
                 box = flight.cover.cut(box, now)
             frames.append((now, box))
@@ -194,7 +221,7 @@ def fly(flight: Flight) -> Outcome:
             command = ((0.0, 0.0, 0.0), 0.0)
             if tick.setpoint is not None and mode is VehicleMode.EXTERNAL:
                 command = tick.setpoint.velocity_ned_mps, tick.setpoint.yaw_rate_rps
-            gap = north_m - vehicle.north_m, -vehicle.east_m
+            gap = car.north_m - vehicle.north_m, car.east_m - vehicle.east_m
             bearing = math.remainder(math.atan2(gap[1], gap[0]) - vehicle.yaw_rad, 2 * math.pi)
             rows.append(
                 Row(
@@ -211,11 +238,12 @@ def _judge(rows: list[Row], flight: Flight) -> Outcome:
     level_m = sum(before) / len(before)
     after = [row for row in rows if row.t_s >= cover.from_s]
     errors = [row.distance_m / level_m - 1 for row in after]
-    out = [row.t_s - cover.until_s for row, error in zip(after, errors, strict=True) if abs(error) > 0.10]
+    worst = max(range(len(errors)), key=lambda at: abs(errors[at]))
+    back = (row.t_s for row, error in zip(after[worst:], errors[worst:], strict=True) if abs(error) <= 0.10)
     return Outcome(
         rows=rows,
-        peak_frac=max(errors, key=abs),
-        recovery_s=max(out, default=0.0),
+        peak_frac=errors[worst],
+        recovery_s=max(next(back, math.inf) - cover.until_s, 0.0),
         lowest_frac=min(errors),
         most_rejections=max(row.rejections for row in after),
         bearing_peak_deg=max(abs(row.bearing_deg) for row in after),

@@ -1,0 +1,100 @@
+"""How a target moves over ground, from its filtered line of sight, and how much of that to believe."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from control.config import FollowConfig
+from control.modes import Confirmation
+from control.types import TargetState, Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class TargetMotion:
+    """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread.
+
+    nearest_m: the least that size, or height and depression, say of the distance.
+    """
+
+    distance_m: float
+    nearest_m: float
+    radial_mps: float
+    tangential_mps: float
+    own_radial_mps: float
+    own_tangential_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """The target's radial velocity as believed at t_s, and for how long (s) nothing whole was seen of it."""
+
+    t_s: float
+    radial_mps: float
+    blind_s: float = 0.0
+
+
+def distance_m(confirmation: Confirmation, target: TargetState) -> float:
+    """Ground distance from how the apparent size has changed: d = d* exp(s* - s)."""
+    shrink = min(max(confirmation.log_size - target.log_size, -5.0), 5.0)
+    return confirmation.range_m * math.exp(shrink) * math.cos(target.elevation_rad)
+
+
+def target_motion(
+    confirmation: Confirmation,
+    target: TargetState,
+    own_velocity_ned_mps: Vec3,
+    config: FollowConfig,
+    ground_m: float | None = None,
+) -> TargetMotion:
+    """The target's horizontal velocity: what the line of sight does, plus what the vehicle does itself.
+
+    ground_m: what height and depression say of the distance. Size is believed only so far away from it: a box
+    half covered shrinks, and the vehicle must not run after it.
+    """
+    distance = nearest = distance_m(confirmation, target)
+    north, east = math.cos(target.azimuth_rad), math.sin(target.azimuth_rad)
+    own_n, own_e, _ = own_velocity_ned_mps
+    own_radial, own_tangential = own_n * north + own_e * east, own_e * north - own_n * east
+    opening = -target.log_size_rate_ps - math.tan(target.elevation_rad) * target.elevation_rate_rps
+    if ground_m is not None and confirmation.ground_factor is not None:
+        ground_m *= confirmation.ground_factor
+        lever = 2 / math.sin(-2 * target.elevation_rad)  # share of the distance in one radian of depression
+        tolerance = math.exp(config.size_tolerance * target.size_trust + config.depression_std_rad * lever)
+        nearest = min(distance, ground_m)
+        distance = min(max(distance, ground_m / tolerance), ground_m * tolerance)
+        ground_ps, slack_ps = target.elevation_rate_rps * lever, config.size_rate_tolerance_ps * target.size_trust
+        opening = min(max(opening, ground_ps - slack_ps), ground_ps + slack_ps)
+    spread = config.target_velocity_std_mps
+    return TargetMotion(
+        distance_m=distance,
+        nearest_m=nearest,
+        radial_mps=(own_radial + distance * opening) * fade(distance * target.log_size_rate_std_ps, spread),
+        tangential_mps=(own_tangential + distance * target.azimuth_rate_rps)
+        * fade(distance * target.azimuth_rate_std_rps, spread),
+        own_radial_mps=own_radial,
+        own_tangential_mps=own_tangential,
+    )
+
+
+def believe(before: Belief | None, radial_mps: float, trust: float, now_s: float, config: FollowConfig) -> Belief:
+    """What of a new radial_mps (m/s, over ground, away positive) to believe.
+
+    trust: 1 where the box was whole; of a covered one the velocity is kept for a while, then given up. Nothing
+    on the ground changes its velocity faster than target_acceleration_mps2.
+    """
+    if before is None:
+        return Belief(now_s, radial_mps)
+    dt_s = max(now_s - before.t_s, 0.0)
+    blind_s = before.blind_s + dt_s if trust < 0.5 else 0.0
+    kept = before.radial_mps
+    if blind_s > config.blind_hold_s:
+        kept *= math.exp(-dt_s / config.blind_fade_s)
+    wanted = kept + trust * (radial_mps - kept)
+    step = config.target_acceleration_mps2 * dt_s
+    return Belief(now_s, before.radial_mps + min(max(wanted - before.radial_mps, -step), step), blind_s)
+
+
+def fade(std: float, half_at: float) -> float:
+    """How much of a feed-forward to believe: 1 when certain, one half at half_at, towards 0 beyond."""
+    return 1.0 / (1.0 + (std / half_at) ** 2)
