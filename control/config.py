@@ -68,6 +68,7 @@ class FollowConfig:
     size_rate_tolerance_ps: float = _ranged(0.0, 0.15, 2.0)
     depression_std_rad: float = _ranged(0.0, math.radians(1), math.radians(20))
     target_acceleration_mps2: float = _ranged(0.5, 2.0, 20.0)
+    approach_margin_mps: float = _ranged(0.0, 1.5, 20.0)  # more than so much nearer a second: whatever the above
     blind_hold_s: float = _ranged(0.0, 1.0, 5.0)  # the velocity of a target half covered is kept so long, then it
     blind_fade_s: float = _ranged(0.05, 1.0, 10.0)  # fades with this time constant
     height_gain_ps: float = _ranged(0.05, 0.8, 2.0)

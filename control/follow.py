@@ -56,9 +56,9 @@ def follow_request(
     """
     own = _lagged(state, vehicle.velocity_ned_mps, now_s, config.follow)
     ground_m = sure_ground_m(target, vehicle, config.follow)
-    radial_mps = target_motion(confirmation, target, own, config.follow, ground_m).radial_mps
+    motion = target_motion(confirmation, target, own, config.follow, ground_m)
     trust = target.size_trust if ground_m is None else max(target.size_trust, target.elevation_trust)
-    belief = believe(state.belief, radial_mps, trust, now_s, config.follow)
+    belief = believe(state.belief, motion, trust, now_s, config.follow)
     wish = follow_wish(confirmation, target, vehicle, camera, config.follow, own, belief, coasting=coasting)
     if velocity_factor < 1.0:
         factor = max(velocity_factor, 0.0)

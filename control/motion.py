@@ -14,12 +14,14 @@ from control.types import TargetState, Vec3
 class TargetMotion:
     """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread.
 
-    nearest_m: the least that size, or height and depression, say of the distance.
+    nearest_m: the least that size, or height and depression, say of the distance. sure_radial_mps: the largest
+    radial velocity that one of the two tells.
     """
 
     distance_m: float
     nearest_m: float
     radial_mps: float
+    sure_radial_mps: float
     tangential_mps: float
     own_radial_mps: float
     own_tangential_mps: float
@@ -56,7 +58,7 @@ def target_motion(
     north, east = math.cos(target.azimuth_rad), math.sin(target.azimuth_rad)
     own_n, own_e, _ = own_velocity_ned_mps
     own_radial, own_tangential = own_n * north + own_e * east, own_e * north - own_n * east
-    opening = -target.log_size_rate_ps - math.tan(target.elevation_rad) * target.elevation_rate_rps
+    opening = sure = -target.log_size_rate_ps - math.tan(target.elevation_rad) * target.elevation_rate_rps
     if ground_m is not None and confirmation.ground_factor is not None:
         ground_m *= confirmation.ground_factor
         lever = 2 / math.sin(-2 * target.elevation_rad)  # share of the distance in one radian of depression
@@ -64,12 +66,15 @@ def target_motion(
         nearest = min(distance, ground_m)
         distance = min(max(distance, ground_m / tolerance), ground_m * tolerance)
         ground_ps, slack_ps = target.elevation_rate_rps * lever, config.size_rate_tolerance_ps * target.size_trust
+        sure = max(opening, ground_ps)
         opening = min(max(opening, ground_ps - slack_ps), ground_ps + slack_ps)
     spread = config.target_velocity_std_mps
+    radial_fade = fade(distance * target.log_size_rate_std_ps, spread)
     return TargetMotion(
         distance_m=distance,
         nearest_m=nearest,
-        radial_mps=(own_radial + distance * opening) * fade(distance * target.log_size_rate_std_ps, spread),
+        radial_mps=(own_radial + distance * opening) * radial_fade,
+        sure_radial_mps=(own_radial + distance * sure) * radial_fade,
         tangential_mps=(own_tangential + distance * target.azimuth_rate_rps)
         * fade(distance * target.azimuth_rate_std_rps, spread),
         own_radial_mps=own_radial,
@@ -77,22 +82,26 @@ def target_motion(
     )
 
 
-def believe(before: Belief | None, radial_mps: float, trust: float, now_s: float, config: FollowConfig) -> Belief:
-    """What of a new radial_mps (m/s, over ground, away positive) to believe.
+def believe(before: Belief | None, motion: TargetMotion, trust: float, now_s: float, config: FollowConfig) -> Belief:
+    """What of the new motion's radial velocity to believe.
 
     trust: 1 where the box was whole; of a covered one the velocity is kept for a while, then given up. Nothing
-    on the ground changes its velocity faster than target_acceleration_mps2.
+    on the ground changes its velocity faster than target_acceleration_mps2; but where size and depression both
+    say that it comes nearer, that is believed at once.
     """
     if before is None:
-        return Belief(now_s, radial_mps)
+        return Belief(now_s, motion.radial_mps)
     dt_s = max(now_s - before.t_s, 0.0)
     blind_s = before.blind_s + dt_s if trust < 0.5 else 0.0
     kept = before.radial_mps
     if blind_s > config.blind_hold_s:
         kept *= math.exp(-dt_s / config.blind_fade_s)
-    wanted = kept + trust * (radial_mps - kept)
+    wanted = kept + trust * (motion.radial_mps - kept)
     step = config.target_acceleration_mps2 * dt_s
-    return Belief(now_s, before.radial_mps + min(max(wanted - before.radial_mps, -step), step), blind_s)
+    limited = before.radial_mps + min(max(wanted - before.radial_mps, -step), step)
+    if trust >= 0.5:
+        limited = min(limited, motion.sure_radial_mps + config.approach_margin_mps)
+    return Belief(now_s, limited, blind_s)
 
 
 def fade(std: float, half_at: float) -> float:

@@ -33,12 +33,12 @@ def test_spotlight_keeps_a_crossing_target_in_view(path, delay_s, bearing_deg, s
 @pytest.mark.parametrize(
     ("path", "delay_s", "bearing_deg", "distance_frac"),
     [
-        (sine, 0.1, 4.0, 0.15),
+        (sine, 0.1, 3.5, 0.12),
         (runner, 0.1, 1.5, 0.15),
         (zigzag_away, 0.1, 5.0, 0.18),
         (zigzag, 0.1, 10.0, 0.20),
-        (sine, 0.25, 6.5, 0.20),
-        (runner, 0.25, 2.0, 0.15),
+        (sine, 0.25, 5.5, 0.13),
+        (runner, 0.25, 2.0, 0.12),
     ],
 )
 def test_follow_keeps_bearing_and_distance(path, delay_s, bearing_deg, distance_frac):
@@ -69,6 +69,18 @@ def test_a_target_gone_for_good_leaves_the_vehicle_standing():
     """Lost from 20 s on at 4 m/s; zero velocity is asked for a second later, and three later it stands."""
     gone = fly(runner, replace(FOLLOW, duration_s=26.0, settle_s=23.0, hidden=(20.0, 99.0)))
     assert gone.largest_speed_mps < 0.2
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_target_that_comes_nearer_is_backed_off_from(seed):
+    """At once 4 m/s, from 22 m; the vehicle needs a second to be as fast."""
+
+    def coming(t):
+        return 22.0 - 4.0 * max(t - 4.0, 0.0), 0.0
+
+    result = fly(coming, replace(FOLLOW, duration_s=12.0, settle_s=6.0, seed=seed))
+    assert result.smallest_distance_m > 9.0
+    assert result.seen_frac == 1.0
 
 
 def test_ten_frames_a_second_are_enough():

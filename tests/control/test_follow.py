@@ -235,24 +235,39 @@ def test_a_shrinking_box_at_the_same_depression_is_hardly_chased():
     assert wish(log_size=half, size_trust=0.0).velocity_ned_mps[0] < 0.5
 
 
+def moving(radial_mps, sure_radial_mps=math.inf):
+    return replace(ground_motion(), radial_mps=radial_mps, sure_radial_mps=sure_radial_mps)
+
+
 def test_the_velocity_of_a_covered_target_is_kept_then_given_up():
-    belief = believe(None, 1.5, 1.0, 10.0, CONFIG)
+    belief = believe(None, moving(1.5), 1.0, 10.0, CONFIG)
     assert belief == Belief(10.0, 1.5)
     history = []
     for n in range(80):
-        belief = believe(belief, -9.0, 0.0, 10.05 + n * 0.05, CONFIG)
+        belief = believe(belief, moving(-9.0, -9.0), 0.0, 10.05 + n * 0.05, CONFIG)
         history.append(belief.radial_mps)
     assert history[18] == pytest.approx(1.5)
     assert history[79] == pytest.approx(1.5 * math.exp(-(4.0 - CONFIG.blind_hold_s) / CONFIG.blind_fade_s), rel=0.1)
-    whole = believe(belief, belief.radial_mps, 1.0, belief.t_s + 0.05, CONFIG)
+    whole = believe(belief, moving(belief.radial_mps), 1.0, belief.t_s + 0.05, CONFIG)
     assert whole.blind_s == 0.0
 
 
 def test_nothing_on_the_ground_jumps_to_another_velocity():
-    belief = believe(Belief(10.0, 1.0), 9.0, 1.0, 10.1, CONFIG)
+    belief = believe(Belief(10.0, 1.0), moving(9.0), 1.0, 10.1, CONFIG)
     assert belief.radial_mps == pytest.approx(1.0 + 0.1 * CONFIG.target_acceleration_mps2)
-    assert believe(belief, -9.0, 1.0, 10.2, CONFIG).radial_mps == pytest.approx(1.0)
-    assert believe(Belief(10.0, 1.0), 9.0, 1.0, 9.0, CONFIG).radial_mps == 1.0
+    assert believe(belief, moving(-9.0), 1.0, 10.2, CONFIG).radial_mps == pytest.approx(1.0)
+    assert believe(Belief(10.0, 1.0), moving(9.0), 1.0, 9.0, CONFIG).radial_mps == 1.0
+
+
+def test_what_surely_comes_nearer_is_believed_at_once():
+    coming = believe(Belief(10.0, 4.0), moving(-6.0, -5.0), 1.0, 10.05, CONFIG)
+    assert coming.radial_mps == -5.0 + CONFIG.approach_margin_mps
+    rate = 5.0 / 15.0
+    size = {"log_size_rate_ps": rate * math.cos(DOWN) ** 2}
+    depression = {"elevation_rate_rps": -rate * math.sin(-DOWN) * math.cos(DOWN)}
+    assert ground_motion(**size, **depression).sure_radial_mps == pytest.approx(-5.0)
+    assert ground_motion(log_size_rate_ps=rate).sure_radial_mps == pytest.approx(0.0)  # the size alone
+    assert ground_motion(**depression).sure_radial_mps > -1.0  # the depression alone
 
 
 @pytest.mark.parametrize(("trust", "elevation_trust", "speed_mps"), [(1.0, 1.0, 2.0), (0.0, 1.0, 2.0), (0.0, 0.0, 0.0)])
