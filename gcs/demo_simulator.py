@@ -63,13 +63,14 @@ async def simulator(
     arguments = [
         "--mavlink", f"127.0.0.1:{_free_udp_port()}", "--video-port", "0", "--scenario", scenario,
         "--personality", personality, "--truth", str(folder / TRUTH), "--summary", str(folder / SUMMARY),
-        *([] if seed is None else ["--seed", str(seed)]), *extra,
+        "--exit-with-stdin", *([] if seed is None else ["--seed", str(seed)]), *extra,
     ]  # fmt: skip
     (folder / SUMMARY).unlink(missing_ok=True)
     with (folder / LOG).open("wb") as log:
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "sitl_mocks", *arguments,
-            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=log,
+            stdin=asyncio.subprocess.PIPE,  # never written to: it ends when we do, even by SIGKILL
+            stdout=asyncio.subprocess.PIPE, stderr=log,
             start_new_session=True,  # Ctrl-C is for the station: the vehicle must live on to be told to hold
         )  # fmt: skip
     try:

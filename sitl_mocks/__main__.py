@@ -1,13 +1,15 @@
 """`python -m sitl_mocks`: a mock vehicle and its rendered camera in one process.
 
 Prints one JSON line when ready: {"mavlink": URL for the station, "video_url": ..., "ready": true, ...}, and runs
-until SIGINT or SIGTERM, then writes the wire monitor's summary if asked to.
+until SIGINT or SIGTERM (with --exit-with-stdin also the end of its stdin), then writes the wire monitor's summary
+if asked to.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import math
 import os
@@ -46,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--loss", type=_between(0, 1), default=0.0, help="share of MAVLink datagrams lost each way")
     add("--truth", type=Path, metavar="FILE", help="write the truth of each frame as JSONL")
     add("--summary", type=Path, metavar="FILE", help="write the wire monitor's summary at the end")
+    add("--exit-with-stdin", action="store_true", help="end cleanly when stdin closes, as when the parent is killed")
     return parser
 
 
@@ -100,12 +103,26 @@ def _say(ready: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-async def _run(config: SimulatorConfig) -> None:
+async def _run(config: SimulatorConfig, *, exit_with_stdin: bool = False) -> None:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    await Simulator(config).run(stop, _say)
+    async with contextlib.AsyncExitStack() as opened:
+        if exit_with_stdin:
+            pipe, _ = await loop.connect_read_pipe(lambda: _UntilEnd(stop), sys.stdin)
+            opened.callback(pipe.close)
+        await Simulator(config).run(stop, _say)
+
+
+class _UntilEnd(asyncio.Protocol):
+    """Stops the simulator at the end of a pipe; what comes through it is of no interest."""
+
+    def __init__(self, stop: asyncio.Event) -> None:
+        self._stop = stop
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._stop.set()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -113,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     cv2.setNumThreads(1)  # rendering is meant for one core; the rest belongs to the station
     try:
-        asyncio.run(_run(_config(options)))
+        asyncio.run(_run(_config(options), exit_with_stdin=options.exit_with_stdin))
     except (ValueError, OSError) as error:
         sys.stderr.write(f"sitl_mocks: {error}{os.linesep}")
         return 2

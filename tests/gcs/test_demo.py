@@ -13,7 +13,7 @@ import cv2
 import pytest
 
 from gcs.demo import DemoOptions, demo
-from gcs.demo_simulator import SimulatorError
+from gcs.demo_simulator import SUMMARY, SimulatorError
 from gcs.errors import GcsError
 from gcs.operator.terminal import Screen
 from tests.gcs.blob_tracker import BlobTracker
@@ -118,3 +118,30 @@ def test_an_output_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> Non
     (tmp_path / "file").write_text("")
     with pytest.raises(GcsError):
         demo(DemoOptions(tmp_path / "file" / "out"), Screen(sys.stderr), lambda config: BlobTracker())
+
+
+KILLED = """
+import asyncio, pathlib, sys
+from gcs.demo_simulator import simulator
+
+async def main():
+    async with simulator(pathlib.Path(sys.argv[1]), scenario=sys.argv[2], personality="px4", extra=("--fps", "2")):
+        print("flying", flush=True)
+        await asyncio.sleep(60)
+
+asyncio.run(main())
+"""
+
+
+def test_the_simulator_ends_with_a_demo_that_is_killed(tmp_path: Path, world: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path), str(world)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == "flying\n"
+        assert not (tmp_path / SUMMARY).exists()
+        parent.kill()
+    assert parent.returncode == -signal.SIGKILL
+    deadline_s = time.monotonic() + 30
+    while not (tmp_path / SUMMARY).exists() and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert (tmp_path / SUMMARY).exists()  # its last act, of its own accord

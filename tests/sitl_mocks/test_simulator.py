@@ -115,7 +115,9 @@ async def test_other_requests_are_answered_and_closed(request_bytes: bytes, stat
 @contextmanager
 def _simulator(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
     command = [sys.executable, "-m", "sitl_mocks", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     watchdog = threading.Timer(60, process.kill)
     watchdog.start()
     try:
@@ -127,6 +129,19 @@ def _simulator(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], dict[st
         watchdog.cancel()
         process.kill()
         process.communicate()
+
+
+def test_it_ends_cleanly_with_its_stdin_if_told_to(tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    flags = ["--fps", "2", "--summary", str(summary), "--exit-with-stdin"]
+    with _simulator(*flags) as (process, _):
+        assert process.stdin is not None
+        process.stdin.write("of no interest\n")
+        process.stdin.flush()
+        assert process.poll() is None
+        out, err = process.communicate(timeout=30)  # closes it
+    assert (process.returncode, out, err) == (0, "", "")
+    assert json.loads(summary.read_text())["scenario"] == "demo"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
