@@ -177,6 +177,7 @@ class TargetEstimator:
             log_size_rate_std_ps=float(std[5]),
             elevation_trust=step.trust[0],
             size_trust=step.trust[1],
+            log_aspect=step.log_aspect,
         )
 
     def _first(self, m: BearingMeasurement) -> _Step:

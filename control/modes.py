@@ -9,6 +9,7 @@ from enum import Enum
 from control.config import FollowConfig
 from control.types import TargetState, Vec3, VehicleState
 
+_STEEPEST_RAD = math.radians(85)
 _SURE_DEPRESSION_FACTOR = 2.0  # times the least depression from which a distance is told at all
 
 
@@ -28,8 +29,8 @@ class Confirmation:
     """What holds from the moment of confirmation on.
 
     range_m: slant range to the target when it had log_size. standoff_m: ground distance to hold.
-    ground_factor: the distance confirmed over what height and depression said of it, so 1 unless the operator
-    typed one, whose word on sloping ground is kept; None where the line of sight was too flat to tell.
+    ground_factor: the distance confirmed over what height and depression of the box's middle said of it, so that
+    what the operator typed on sloping ground is kept; None where the line of sight was too flat to tell.
     """
 
     mode: FollowMode
@@ -43,18 +44,30 @@ class Confirmation:
 
 
 def ground_distance_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
-    """From height above home and depression, for a target on level ground; None where that says nothing."""
+    """From height above home and depression, for a target on level ground; None where that says nothing.
+
+    The ray through the middle of the box meets the ground behind the target, that through its lower edge in
+    front of it; halfway between them the error is within 10 % for people and cars, from any side.
+    """
+    centre_m = _centre_ground_m(target, vehicle, config)
+    if centre_m is None or target.log_aspect is None:
+        return centre_m
+    box_height_rad = math.exp(min(target.log_size - target.log_aspect / 2, 0.0))
+    return vehicle.height_m / math.tan(min(box_height_rad / 4 - target.elevation_rad, _STEEPEST_RAD))
+
+
+def sure_ground_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
+    """From depression alone, where it is steep enough to contradict the size; times ground_factor the true one."""
+    if -target.elevation_rad < _SURE_DEPRESSION_FACTOR * config.min_depression_rad:
+        return None
+    return _centre_ground_m(target, vehicle, config)
+
+
+def _centre_ground_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
     depression_rad = -target.elevation_rad
     if not (depression_rad >= config.min_depression_rad and vehicle.height_m > 0):
         return None
     return vehicle.height_m / math.tan(depression_rad)
-
-
-def sure_ground_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
-    """The same, where the line of sight is steep enough for it to contradict the size."""
-    if -target.elevation_rad < _SURE_DEPRESSION_FACTOR * config.min_depression_rad:
-        return None
-    return ground_distance_m(target, vehicle, config)
 
 
 def confirm(

