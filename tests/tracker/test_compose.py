@@ -12,7 +12,14 @@ from tracker.train.warp import Pose, cut_out
 
 # Without anything that would change the red of the drawn object.
 PLAIN = Recipe(
-    spot_frac=0, negative_frac=0, distractor_frac=0, occluder_frac=0, coarse_frac=0, any_rotation_frac=0, clip_frac=0
+    spot_frac=0,
+    negative_frac=0,
+    distractor_frac=0,
+    occluder_frac=0,
+    shadow_frac=0,
+    coarse_frac=0,
+    any_rotation_frac=0,
+    clip_frac=0,
 )
 
 

@@ -36,6 +36,7 @@ class Recipe:
     shift_px: float = 64.0
     distractor_frac: float = 0.5
     occluder_frac: float = 0.2
+    shadow_frac: float = 0.35  # of targets pasted on another background
     coarse_frac: float = 0.45
 
 
@@ -201,6 +202,8 @@ class Composer:
         ground = None if own else self._ground(self._background(), SEARCH_PX)
         pan = rng.normal(0, 6, 2)
         extras = self._extras(thing, now, cutter)
+        if ground is not None and rng.random() < r.shadow_frac:
+            extras.append(self._shadow(now, cutter))
         frames = []
         for t in (0.0, 0.5, 1.0) if self.middle else (0.0, 1.0):
             pose = before.towards(now, t)
@@ -227,7 +230,7 @@ class Composer:
             for _ in range(int(rng.integers(1, 4))):
                 other = cutter.recoloured(rng) if rng.random() < 0.5 else self._rival(thing)
                 away = rng.uniform(0, 2 * math.pi)
-                far = rng.uniform(60, 170)
+                far = rng.uniform(45, 170)
                 x, y = now.x + far * math.cos(away), now.y + far * math.sin(away)
                 size = TEMPLATE_PX / context_px(other.w, other.h) * math.exp(rng.normal(0, 0.25))
                 extras.append((other, Pose(x, y, size, size, rng.uniform(-math.pi, math.pi), 0.0, False), False))
@@ -240,6 +243,17 @@ class Composer:
             y = (y1 + y2) / 2 + 0.5 * (y2 - y1) * math.sin(away)
             extras.append((spot, Pose(x, y, size / spot.w, size / spot.h, 0.0, 0.0, False), True))
         return extras
+
+    def _shadow(self, now: Pose, cutter: CutOut) -> tuple[CutOut, Pose, bool]:
+        """The target's own shadow beside it: dark, shaped alike, moving along, and not the target."""
+        rng = self.rng
+        x1, y1, x2, y2 = now.box_of(cutter)
+        away = rng.uniform(0, 2 * math.pi)
+        reach = rng.uniform(0.7, 1.05)
+        turned = now.moved(
+            reach * (x2 - x1) * math.cos(away), reach * (y2 - y1) * math.sin(away), rng.uniform(0.7, 1.2), math.pi
+        )
+        return cutter.shadow(rng), turned, False
 
     def _rival(self, thing: Thing) -> CutOut:
         """Another outlined object, of the same class where there is one."""

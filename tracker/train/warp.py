@@ -102,6 +102,11 @@ class CutOut:
         picture = photometric.tone(self.picture, rng, 2.5)
         return replace(self, picture=np.ascontiguousarray(picture[:, :, rng.permutation(3)]))
 
+    def shadow(self, rng: np.random.Generator) -> CutOut:
+        """Its silhouette as a see-through dark patch."""
+        alpha = (self.alpha * rng.uniform(0.35, 0.85)).astype(np.uint8)
+        return replace(self, picture=np.full_like(self.picture, int(rng.integers(0, 40))), alpha=alpha)
+
 
 def level_for(pyramid: tuple[np.ndarray, ...], scale: float) -> tuple[np.ndarray, float]:
     """The pyramid's picture to shrink from, and how much smaller it is than the full one."""
