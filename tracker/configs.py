@@ -101,7 +101,7 @@ class TrackerConfig:
     area the first frame's crop size is used.
     latent, latent_interval: provider of the latent frame, and how many frames back (1..5) its other
     input lies (the paper's m). clip_rate: clip the smoothing rate to 0..1 (the authors do not).
-    calibrate_size: measure the network's bias in size on the first frame and take it out of all others
+    calibrate: measure the network's bias in place and size on the first frame, take it out of all others
     (the authors do not).
     """
 
@@ -121,7 +121,7 @@ class TrackerConfig:
     latent: LatentProvider = LatentProvider.PREVIOUS
     latent_interval: int = 1
     clip_rate: bool = False
-    calibrate_size: bool = False
+    calibrate: bool = False
 
     def __post_init__(self) -> None:
         _require(1 <= self.latent_interval <= 5, "latent_interval", self.latent_interval, "in 1..5")

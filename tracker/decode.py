@@ -15,6 +15,14 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
+class Calibration:
+    """The network's bias on one object: factors on width and height; how far off (x, y) the centre, patch px."""
+
+    size_gain: tuple[float, float]
+    offset_px: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Decoded:
     """What one frame's maps say.
 
@@ -42,17 +50,18 @@ def decode(
     scale: float,
     frame_wh_px: tuple[int, int],
     config: TrackerConfig,
-    size_gain: tuple[float, float] = (1.0, 1.0),
+    calibration: Calibration | None = None,
 ) -> Decoded:
     """The best cell's box, brought from the search patch to the frame and smoothed.
 
     loc (4, 11, 11), cls1 (2, 11, 11), cls2 (1, 11, 11) raw network outputs; scale: patch px per frame px.
-    size_gain: factors on every cell's width and height, of the tracker's calibration.
+    calibration: the network's bias on this object, taken out of every cell.
     Not-finite or turned-over (no width or height) cells are never chosen.
     """
     offsets = decode_offsets(np.asarray(loc, np.float64), config)
-    offsets[2] *= size_gain[0]
-    offsets[3] *= size_gain[1]
+    if calibration is not None:
+        offsets[:2] -= np.array(calibration.offset_px)[:, None]
+        offsets[2:] *= np.array(calibration.size_gain)[:, None]
     scores = _scores(np.asarray(cls1, np.float64), np.asarray(cls2, np.float64), config)
     penalties = _penalties(offsets[2], offsets[3], old.w_px * scale, old.h_px * scale, config.penalty_k)
     window = config.window_influence

@@ -10,15 +10,16 @@ from torch import Tensor
 from tracker.box import Box, TrackResult
 from tracker.configs import TrackerConfig
 from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, crop, mean_colour
-from tracker.decode import Decoded, decode
+from tracker.decode import Calibration, Decoded, decode
 from tracker.latent import latent_source
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.inference import for_inference
 
 MIN_INIT_SIDE_PX = 4.0
 REFERENCE_FRAMES = 10
-NO_GAIN = (1.0, 1.0)
-GAIN_RANGE = (0.5, 2.0)  # a first guess further off than this is no bias but a miss
+# A first guess further off than this is no bias but a miss.
+GAIN_RANGE = (0.5, 2.0)
+MAX_OFFSET_PX = 12.0
 
 
 class NotInitialisedError(ValueError):
@@ -63,7 +64,7 @@ class ClimRTTracker:
         self._first_side_px = 0
         self._fill: Colour = (0, 0, 0)
         self._confidence = Confidence()
-        self._size_gain = NO_GAIN
+        self._calibration: Calibration | None = None
 
     def init(self, frame_bgr: Image, box: Box) -> None:
         """Take the object in the box (frame px) of this (H, W, 3) uint8 frame as the one to follow.
@@ -81,26 +82,26 @@ class ClimRTTracker:
             self._template = self._network.template(self._tensor(patch))
         self._box, self._first_side_px, self._fill = box, side_px, fill
         self._confidence = Confidence()
-        self._size_gain = self._calibrated(frame_bgr, self._template) if config.calibrate_size else NO_GAIN
+        self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
         self._latent.reset()
 
-    def _calibrated(self, frame_bgr: Image, template: Features) -> tuple[float, float]:
-        """Factors that make the network's size of the object in its own first frame the size that was given.
+    def _calibrated(self, frame_bgr: Image, template: Features) -> Calibration | None:
+        """What makes the network's box of the object in its own first frame the box that was given.
 
-        A network that has learned sizes imperfectly errs alike on the same object again and again, and each
-        error would scale the next search patch: the box would grow or shrink without end.
+        A network that has learned sizes and edges imperfectly errs alike on the same object again and again,
+        and each error would shift and scale the next search patch: the box would creep and grow without end.
         """
-        self._size_gain = NO_GAIN
+        self._calibration = None
         self._latent.reset()
         decoded = self._step(frame_bgr, template)
         if decoded.best is None:
-            return NO_GAIN
-        w_px, h_px = decoded.offsets_px[2:, decoded.best]
+            return None
+        x_px, y_px, w_px, h_px = (float(v) for v in decoded.offsets_px[:, decoded.best])
         scale = self.config.exemplar_px / self._template_side_px(frame_bgr.shape[0] * frame_bgr.shape[1])
-        low, high = GAIN_RANGE
-        return (
-            min(max(self._box.w_px * scale / float(w_px), low), high),
-            min(max(self._box.h_px * scale / float(h_px), low), high),
+        w_gain, h_gain = self._box.w_px * scale / w_px, self._box.h_px * scale / h_px
+        return Calibration(
+            (_between(w_gain, *GAIN_RANGE), _between(h_gain, *GAIN_RANGE)),
+            (_between(x_px, -MAX_OFFSET_PX, MAX_OFFSET_PX), _between(y_px, -MAX_OFFSET_PX, MAX_OFFSET_PX)),
         )
 
     def update(self, frame_bgr: Image) -> TrackResult:
@@ -120,7 +121,7 @@ class ClimRTTracker:
         side_px = round(template_side_px * config.search_px / config.exemplar_px)
         patch = crop(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
         loc, cls1, cls2 = self._predict(self._tensor(patch), template)
-        return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config, self._size_gain)
+        return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config, self._calibration)
 
     def _template_side_px(self, frame_area: int) -> float:
         """Side of the square in the frame that corresponds to the template patch."""
@@ -138,3 +139,7 @@ class ClimRTTracker:
     def _tensor(self, patch: Image) -> Tensor:
         """(S, S, 3) uint8 to (1, 3, S, S) float 0..255; stays channels-last in memory, as the network's."""
         return torch.from_numpy(patch).to(self._device).permute(2, 0, 1)[None].float()
+
+
+def _between(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)

@@ -98,7 +98,7 @@ def _size_seen_at_once(calibrate: bool) -> tuple[float, float]:
     """Width and height that the first update gives on the first frame itself, from 120 x 30 px."""
     # The window alone chooses the cell: an untrained network's scores say nothing.
     plain = TrackerConfig(latent=LatentProvider.OFF, cls2_is_logit=False, size_rate=3.0, window_influence=1.0)
-    config = replace(plain, calibrate_size=calibrate)
+    config = replace(plain, calibrate=calibrate)
     tracker = ClimRTTracker(initial_network(COMPACT, 3).eval(), config)
     image = cv2.resize(np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8), (640, 480))
     tracker.init(image, Box(320.0, 240.0, 120.0, 30.0))
