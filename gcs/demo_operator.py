@@ -50,7 +50,9 @@ class DemoOperator:
     def saw(self, sighting: Sighting) -> None:
         """Keep the tracker's box."""
         result = sighting.seen.result
-        self.frames.append(TrackedFrame(sighting.seen.frame.t_capture_s, result.box if result else None))
+        self.frames.append(
+            TrackedFrame(sighting.seen.frame.t_capture_s, result.box if result and result.visible else None)
+        )
 
     def ticked(self, tick: Tick) -> None:
         """Nothing is needed of the ticks."""

@@ -11,6 +11,7 @@ import contextlib
 import math
 from collections import deque
 from collections.abc import Callable, Coroutine
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -30,11 +31,13 @@ from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 from gcs.wire import Wire
+from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _LEAVING_ZEROS: Final = 3
 _FPS_FRAMES: Final = 20
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
+_ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
 _LOUD: Final = 4  # MAV_SEVERITY_WARNING and worse
 
 
@@ -68,7 +71,7 @@ class Flight:
         self.say = say
         self.camera: CameraModel = config.camera.model(*source.size)
         self.control = FollowControl(config.control, self.camera, link.telemetry.attitude)
-        self.vision = Vision(source, tracker, clock, self._deliver)
+        self.vision = Vision(source, tracker, clock, self._deliver, self._expected)
         self.tick: Tick | None = None
         self.seen: Seen | None = None
         self._source = source
@@ -179,8 +182,7 @@ class Flight:
         self.seen = seen
         self._frame_times_s.append(seen.t_done_s)
         if self.watchers:
-            target = self.control.predict(seen.frame.t_capture_s)
-            predicted = predicted_box(self.camera, self.link.telemetry.attitude, target, seen)
+            predicted = self._predicted(seen.frame.t_capture_s, seen.result.box) if seen.result is not None else None
             sighting = Sighting(seen, self.status(), measurement, predicted)
             for watcher in self.watchers:
                 watcher.saw(sighting)
@@ -188,6 +190,25 @@ class Flight:
         for future in waiting:
             if not future.done():
                 future.set_result(seen)
+
+    def _predicted(self, t_capture_s: float, like: Box) -> Box | None:
+        target = self.control.predict(t_capture_s)
+        return predicted_box(self.camera, self.link.telemetry.attitude, target, t_capture_s, like)
+
+    def _expected(self, t_capture_s: float, like: Box) -> Box | None:
+        """On the vision thread: where a hidden target should be in a frame; None if the loop is not quick."""
+
+        async def ask() -> Box | None:
+            return self._predicted(t_capture_s, like)
+
+        if self._loop is None or self._loop.is_closed():
+            return None
+        future = asyncio.run_coroutine_threadsafe(ask(), self._loop)
+        try:
+            return future.result(_ANSWER_S)
+        except (TimeoutError, CancelledError):
+            future.cancel()
+            return None
 
     # -- telling ------------------------------------------------------------------------------------------
 

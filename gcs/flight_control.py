@@ -99,7 +99,7 @@ class FollowControl:
         if not seen.frozen:
             self._inputs = replace(self._inputs, frame_t_s=seen.frame.t_arrival_s)
         result = seen.result
-        if result is None or seen.selection != self._selection:
+        if result is None or not result.visible or seen.selection != self._selection:
             return None
         attitude = self._attitude.at(seen.frame.t_capture_s)
         if attitude is None:

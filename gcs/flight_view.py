@@ -160,12 +160,13 @@ def _distance_m(
     return ground_distance_m(target, vehicle, follow)
 
 
-def predicted_box(camera: CameraModel, attitude: AttitudeBuffer, target: TargetState | None, seen: Seen) -> Box | None:
-    """The filter's target at the frame's capture time, projected into the frame; shaped like the tracker's box."""
-    angles = attitude.at(seen.frame.t_capture_s)
-    if target is None or seen.result is None or angles is None:
+def predicted_box(
+    camera: CameraModel, attitude: AttitudeBuffer, target: TargetState | None, t_capture_s: float, like: Box
+) -> Box | None:
+    """The filter's target at a frame's capture time, projected into the frame; shaped like the tracker's box."""
+    angles = attitude.at(t_capture_s)
+    if target is None or angles is None:
         return None
-    like = seen.result.box
     found = box_of(camera, target, angles, like.w_px / like.h_px if like.is_valid else 1.0)
     if found is None or not all(map(math.isfinite, found)):
         return None
@@ -187,7 +188,7 @@ def overlay(sighting: Sighting, watermark: str | None) -> hud.Overlay:
     return hud.Overlay(
         state="ENGAGING" if status.engaging else status.state.value.upper(),
         tone=_TONES[status.state],
-        box=result.box if result is not None else None,
+        box=result.box if result is not None and result.visible else None,
         predicted=sighting.predicted,
         confidence=result.confidence if result is not None else None,
         distance_m=status.distance_m,

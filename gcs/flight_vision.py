@@ -24,6 +24,9 @@ _CLOSE_S = 5.0
 _FROZEN_FRAMES, _FROZEN_S = 10, 0.5
 log = logging.getLogger(__name__)
 
+# Where a hidden target should be in the frame captured at this time (s), shaped like this box; None = unknown.
+Expect = Callable[[float, Box], Box | None]
+
 
 @dataclass(frozen=True, slots=True)
 class Seen:
@@ -70,11 +73,20 @@ class StillPicture:
 class Vision:
     """Give it selections from any thread; it gives each frame to `deliver` on its own thread."""
 
-    def __init__(self, source: VideoSource, tracker: BoxTracker, clock: Clock, deliver: Callable[[Seen], None]) -> None:
+    def __init__(
+        self,
+        source: VideoSource,
+        tracker: BoxTracker,
+        clock: Clock,
+        deliver: Callable[[Seen], None],
+        expect: Expect | None = None,
+    ) -> None:
         self._source = source
         self._tracker = tracker
         self._clock = clock
         self._deliver = deliver
+        self._expect = expect
+        self._hidden_like: Box | None = None  # the last box, while the target is hidden
         self._still = StillPicture()
         self._lock = threading.Lock()
         self._asked: _Selection | None = None
@@ -116,7 +128,16 @@ class Vision:
             first = asked.frame or frame
             self._tracker.init(first.image_bgr, asked.box)
             self._tracking = asked.number
-        return self._tracker.update(frame.image_bgr) if self._tracking else None
+            self._hidden_like = None
+        if not self._tracking:
+            return None
+        if self._hidden_like is not None and self._expect is not None:
+            expected = self._expect(frame.t_capture_s, self._hidden_like)
+            if expected is not None:
+                self._tracker.look_at(expected.cx_px, expected.cy_px)
+        result = self._tracker.update(frame.image_bgr)
+        self._hidden_like = None if result.visible else result.box
+        return result
 
     def _failed(self, frame: Frame, asked: _Selection | None, problem: str) -> Seen:
         number = asked.number if asked is not None else self._tracking

@@ -123,7 +123,7 @@ class Rehearsal:
         box = result.box
         centre_and_size = (box.cx_px, box.cy_px, box.w_px, box.h_px)
         measurement = bearing_measurement(self._camera, *centre_and_size, pose.attitude_rpy_rad, t_s, result.confidence)
-        accepted = self._estimator.update(measurement)
+        accepted = result.visible and self._estimator.update(measurement)
         target = self._estimator.predict(t_s)
         return View(
             state=self._state,

@@ -20,6 +20,10 @@ class BoxTracker(Protocol):
         """Where it is in the next frame."""
         ...
 
+    def look_at(self, cx_px: float, cy_px: float) -> None:
+        """Where to look for it in the next frame, after an update that found it hidden."""
+        ...
+
 
 def make_tracker(config: TrackerConfig) -> BoxTracker:
     """The configured tracker, weights loaded. Raises tracker.weights.WeightsError, one line."""

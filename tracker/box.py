@@ -37,8 +37,10 @@ class TrackResult:
 
     score: the network's raw best score (unbounded, compare only with its own history).
     confidence: the same brought to 0..1, relative to the score at the start of the track.
+    visible: False while the object is taken for hidden; box is then only a guess.
     """
 
     box: Box
     score: float
     confidence: float
+    visible: bool = True

@@ -103,6 +103,8 @@ class TrackerConfig:
     input lies (the paper's m). clip_rate: clip the smoothing rate to 0..1 (the authors do not).
     calibrate: measure the network's bias in place and size on the first frame, take it out of all others
     (the authors do not).
+    lost_below, found_above: confidence under which the object is taken for hidden, and from which it is
+    believed to be back, if near where it is looked for (the authors have no such state: 0, 0).
     """
 
     exemplar_px: int = 127
@@ -122,12 +124,15 @@ class TrackerConfig:
     latent_interval: int = 1
     clip_rate: bool = False
     calibrate: bool = False
+    lost_below: float = 0.0
+    found_above: float = 0.0
 
     def __post_init__(self) -> None:
         _require(1 <= self.latent_interval <= 5, "latent_interval", self.latent_interval, "in 1..5")
         for field in ("penalty_k", "window_influence", "size_rate", "cls1_weight", "cls2_weight"):
             value = getattr(self, field)
             _require(0 <= value < 10, field, value, "in 0..10")
+        _require(0 <= self.lost_below <= self.found_above <= 1, "lost_below", self.lost_below, "in 0..found_above..1")
         _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import statistics
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -20,6 +22,7 @@ REFERENCE_FRAMES = 10
 # A first guess further off than this is no bias but a miss.
 GAIN_RANGE = (0.5, 2.0)
 MAX_OFFSET_PX = 12.0
+REACH_PER_FRAME = 0.1  # mean sides of the box
 
 
 class NotInitialisedError(ValueError):
@@ -62,6 +65,7 @@ class ClimRTTracker:
         self._template: Features | None = None
         self._box = Box(0.0, 0.0, 0.0, 0.0)
         self._first_side_px = 0
+        self._hidden_frames = 0
         self._fill: Colour = (0, 0, 0)
         self._confidence = Confidence()
         self._calibration: Calibration | None = None
@@ -81,7 +85,7 @@ class ClimRTTracker:
         with torch.inference_mode():
             self._template = self._network.template(self._tensor(patch))
         self._box, self._first_side_px, self._fill = box, side_px, fill
-        self._confidence = Confidence()
+        self._confidence, self._hidden_frames = Confidence(), 0
         self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
         self._latent.reset()
 
@@ -110,8 +114,27 @@ class ClimRTTracker:
         if self._template is None:
             raise NotInitialisedError("update before init: give init a frame and a box first")
         decoded = self._step(frame_bgr, self._template)
+        confidence = self._confidence.update(decoded.score)
+        is_hidden = self._is_hidden(decoded.box, confidence)
+        self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
         self._box = decoded.box
-        return TrackResult(decoded.box, decoded.score, self._confidence.update(decoded.score))
+        return TrackResult(decoded.box, decoded.score, confidence, visible=not is_hidden)
+
+    def look_at(self, cx_px: float, cy_px: float) -> None:
+        """While the object is hidden: where to look for it in the next frame (centre, frame px).
+
+        Who knows how camera and object move knows better than the last guess; without it that one is used.
+        """
+        if self._hidden_frames and math.isfinite(cx_px) and math.isfinite(cy_px):
+            self._box = replace(self._box, cx_px=cx_px, cy_px=cy_px)
+
+    def _is_hidden(self, found: Box, confidence: float) -> bool:
+        """Hysteresis in confidence; what is believed to be back must lie near, less near as time goes by."""
+        if not self._hidden_frames:
+            return confidence < self.config.lost_below
+        reach_px = (1 + REACH_PER_FRAME * self._hidden_frames) * (self._box.w_px + self._box.h_px) / 2
+        distance_px = math.hypot(found.cx_px - self._box.cx_px, found.cy_px - self._box.cy_px)
+        return confidence < self.config.found_above or distance_px > reach_px
 
     def _step(self, frame_bgr: Image, template: Features) -> Decoded:
         config = self.config

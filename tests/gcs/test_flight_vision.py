@@ -47,6 +47,8 @@ class Tracker:
     def __init__(self) -> None:
         self.began: list[tuple[Image, Box]] = []
         self.fault: Exception | None = None
+        self.visible = True
+        self.looked_at: list[tuple[float, float]] = []
 
     def init(self, frame_bgr: Image, box: Box) -> None:
         if box.w_px < 5:
@@ -56,7 +58,10 @@ class Tracker:
     def update(self, frame_bgr: Image) -> TrackResult:
         if self.fault is not None:
             raise self.fault
-        return TrackResult(BOX, 1.0, 1.0)
+        return TrackResult(BOX, 1.0, 1.0, self.visible)
+
+    def look_at(self, cx_px: float, cy_px: float) -> None:
+        self.looked_at.append((cx_px, cy_px))
 
 
 def picture(seq: int) -> Frame:
@@ -143,3 +148,23 @@ def test_the_thread_delivers_every_frame_and_closes_the_video() -> None:
     vision.close()
     assert [seen.frame.seq for seen in delivered] == [0, 1, 2]
     assert source.closed
+
+
+def test_a_hidden_target_is_looked_for_where_the_filter_expects_it() -> None:
+    tracker, asked = Tracker(), []
+
+    def expect(t_capture_s: float, like: Box) -> Box | None:
+        asked.append((t_capture_s, like))
+        return Box(30.0, 40.0, 10.0, 10.0) if len(asked) == 1 else None
+
+    vision = Vision(Source(), tracker, FakeClock(1.0), lambda seen: None, expect)
+    vision.select(BOX)
+    vision.step(picture(0))
+    tracker.visible = False
+    vision.step(picture(1))
+    assert asked == []  # it was still seen before this frame
+    vision.step(picture(2))
+    vision.step(picture(3))  # the filter knows nothing now
+    tracker.visible = True
+    assert tracker.looked_at == [(30.0, 40.0)]
+    assert asked == [(picture(2).t_capture_s, BOX), (picture(3).t_capture_s, BOX)]

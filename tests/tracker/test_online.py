@@ -12,6 +12,7 @@ from tracker import online
 from tracker.box import Box
 from tracker.configs import COMPACT, LatentProvider, TrackerConfig
 from tracker.crop import Image
+from tracker.decode import Decoded
 from tracker.network.climrt import ClimRT, Features
 from tracker.online import ClimRTTracker, Confidence, NotInitialisedError
 from tracker.train.objective import initial_network
@@ -111,3 +112,41 @@ def test_calibration_takes_the_bias_in_size_out(monkeypatch: pytest.MonkeyPatch)
     biased = _size_seen_at_once(False)
     assert abs(biased[1] / 30 - 1) > 0.08
     assert _size_seen_at_once(True) == pytest.approx((120, 30), rel=0.01)
+
+
+class Scripted(ClimRTTracker):
+    """Finds what the script says; the rest is the tracker's own."""
+
+    def __init__(self, *found: tuple[float, float]) -> None:
+        """found: centre x and score of each coming frame."""
+        config = TrackerConfig(latent=LatentProvider.OFF, lost_below=0.5, found_above=0.75)
+        super().__init__(ClimRT(COMPACT).eval(), config)
+        self._script = iter(found)
+
+    def _step(self, frame_bgr: Image, template: Features) -> Decoded:
+        x, score = next(self._script)
+        none = np.zeros(121)
+        return Decoded(Box(x, 52.0, 24.0, 24.0), score, 60, np.zeros((4, 121)), none, none, none)
+
+
+def test_a_hidden_object_is_believed_back_only_when_sure_and_near_where_it_is_looked_for() -> None:
+    tracker = Scripted(*[(42, 0.8)] * 10, (43, 0.3), (44, 0.5), (140, 0.8), (60, 0.8))
+    tracker.init(frame(0), START)
+    assert all(tracker.update(frame(1)).visible for _ in range(10))
+    assert not tracker.update(frame(2)).visible  # the score falls
+    assert not tracker.update(frame(3)).visible  # half as sure is not enough to be back
+    tracker.look_at(58.0, 52.0)
+    assert not tracker.update(frame(4)).visible  # sure, but far from there
+    tracker.look_at(58.0, 52.0)
+    assert tracker.update(frame(5)).visible
+
+
+def test_where_to_look_is_heeded_only_while_hidden() -> None:
+    tracker = Scripted((42, 0.8), (90, 0.8))
+    tracker.init(frame(0), START)
+    tracker.update(frame(1))
+    tracker.look_at(10.0, 10.0)
+    assert tracker._box.cx_px == 42
+    tracker.update(frame(2))
+    tracker.look_at(math.nan, 10.0)
+    assert tracker._box.cx_px == 90

@@ -17,7 +17,9 @@ from tracker.train.config import StageKind, TrainConfig
 from tracker.weights import save
 
 # The constants that suit weights of this training: probabilities, a clipped rate, sizes calibrated.
-TRAINED = TrackerConfig(cls2_is_logit=False, clip_rate=True, calibrate=True, size_rate=0.04)
+TRAINED = TrackerConfig(
+    cls2_is_logit=False, clip_rate=True, calibrate=True, size_rate=0.04, lost_below=0.5, found_above=0.75
+)
 
 
 def credits_of(data: Path, packs: tuple[str, ...]) -> list[dict[str, str]]:
