@@ -120,7 +120,7 @@ class Trap:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        ({"state_dict": {"a": Trap()}}, "cannot be read as plain tensors"),
+        ({"state_dict": {"a": Trap()}}, "is no checkpoint, or holds more than plain tensors"),
         ([1, 2], "not a dictionary of tensors"),
         ({}, "not a dictionary of tensors"),
         ({"backbone.layer1.0.weight": 3}, "not a dictionary of tensors"),
