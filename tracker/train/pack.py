@@ -35,6 +35,7 @@ class Imagery:
     pyramids: list[tuple[np.ndarray, ...]] = field(default_factory=list)  # full, half and quarter size
     masks: list[np.ndarray] = field(default_factory=list)
     parts: list[str] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)  # number in the clip's video, -1 for a still
     things: list[Thing] = field(default_factory=list)
     tracks: list[list[int]] = field(default_factory=list)  # indices of things, in order of frames
     clips: list[list[int]] = field(default_factory=list)  # indices of images, in order of frames
@@ -110,6 +111,7 @@ def load(sources: list[Path], split: str = "train", only: set[str] | None = None
                 index = len(found.pyramids)
                 found.pyramids.append(_pyramid(image))
                 found.parts.append(record["part"])
+                found.frames.append(record.get("frame", 0) if record.get("clip") else -1)
                 mask = -1
                 if "mask" in record:
                     mask = len(found.masks)
