@@ -1,0 +1,160 @@
+"""Camera and target motion on drawn pictures whose motion is known exactly."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from tracker import motion
+from tracker.box import Box
+from tracker.crop import Image
+from tracker.motion import CameraMotion, carry, target_flow
+
+NOISE = np.random.default_rng(3).standard_normal((900, 1500, 3))
+# Details of all sizes, as the ground has.
+WORLD = sum(size * cv2.GaussianBlur(NOISE, (0, 0), size) for size in (3, 10, 40))
+WORLD = cv2.normalize(WORLD, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
+OBJECT = np.random.default_rng(4).integers(0, 256, (400, 400, 3), dtype=np.uint8)
+
+
+def view(similarity: np.ndarray, size: tuple[int, int] = (960, 540)) -> Image:
+    """What a camera sees of the world; similarity (2, 3) from world px to picture px."""
+    return np.asarray(cv2.warpAffine(WORLD, similarity, size), np.uint8)
+
+
+def similarity(shift: tuple[float, float], scale: float = 1.0, turn_deg: float = 0.0) -> np.ndarray:
+    matrix = cv2.getRotationMatrix2D((700, 450), turn_deg, scale)
+    matrix[:, 2] += (-250 + shift[0], -200 + shift[1])
+    return np.asarray(matrix)
+
+
+def paste(image: Image, box: Box) -> Image:
+    """The object drawn into the box, to a fraction of a pixel."""
+    x, y, w, h = box.xywh
+    # Details of about two pixels once drawn, as optics leave them.
+    smooth = cv2.GaussianBlur(OBJECT, (0, 0), max(3.0, 800 / max(w, h, 1.0)))
+    smooth = cv2.normalize(smooth, None, 0, 255, cv2.NORM_MINMAX)
+    matrix = np.array([[w / 400, 0, x], [0, h / 400, y]])
+    size = (image.shape[1], image.shape[0])
+    drawn = cv2.warpAffine(smooth, matrix, size, dst=image.copy(), borderMode=cv2.BORDER_TRANSPARENT)
+    return np.asarray(drawn, np.uint8)
+
+
+def grey(image: Image) -> np.ndarray:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("shift", "scale", "turn_deg"),
+    [((0, 0), 1.0, 0), ((23.5, -11.25), 1.0, 0), ((70, 40), 1.0, 0), ((5, 3), 1.06, 0), ((-8, 4), 0.96, 4)],
+)
+def test_camera_motion_is_measured_to_a_pixel(shift: tuple[float, float], scale: float, turn_deg: float) -> None:
+    first, second = similarity((0, 0)), similarity(shift, scale, turn_deg)
+    camera = CameraMotion()
+    assert camera.update(view(first)) is None
+    found = camera.update(view(second))
+    assert found is not None
+    assert found is camera.last
+    expected = np.vstack([second, (0, 0, 1)]) @ np.linalg.inv(np.vstack([first, (0, 0, 1)]))
+    corners = np.array([[100, 100, 1], [860, 100, 1], [480, 270, 1], [100, 440, 1], [860, 440, 1]], float).T
+    assert np.abs((found @ corners)[:2] - (expected @ corners)[:2]).max() < 1.0
+
+
+def test_a_large_target_that_moves_by_itself_does_not_count() -> None:
+    still = view(similarity((0, 0)))
+    here, there = Box(480, 270, 560, 400), Box(510, 270, 560, 400)
+    camera = CameraMotion()
+    camera.update(paste(still, here))
+    found = camera.update(paste(still, there), exclude=here)
+    assert found is not None
+    assert np.abs(found - np.eye(3)).max() < 0.2
+    fooled = CameraMotion()
+    fooled.update(paste(still, here))
+    seen = fooled.update(paste(still, there))
+    assert seen is None or np.abs(seen - np.eye(3)).max() > 10  # so the exclusion is what helps
+
+
+def test_without_texture_nothing_is_known() -> None:
+    camera = CameraMotion()
+    blank = np.full((360, 640, 3), 90, np.uint8)
+    assert camera.update(blank) is None
+    assert camera.update(blank) is None
+    assert camera.carry(Box(10, 20, 5, 6)) == Box(10, 20, 5, 6)
+
+
+def test_a_cut_to_another_scene_is_not_taken_for_motion() -> None:
+    camera = CameraMotion()
+    camera.update(view(similarity((0, 0))))
+    assert camera.update(np.ascontiguousarray(view(similarity((0, 0)))[::-1, ::-1])) is None
+    assert camera.last is None
+
+
+def test_a_new_frame_size_starts_anew() -> None:
+    camera = CameraMotion()
+    camera.update(view(similarity((0, 0))))
+    assert camera.update(view(similarity((0, 0)), (640, 360))) is None
+    assert camera.update(view(similarity((3, 0)), (640, 360))) is not None
+
+
+def test_carry_moves_and_scales_a_box() -> None:
+    turn = np.array([[0.0, -2.0, 100.0], [2.0, 0.0, 50.0], [0.0, 0.0, 1.0]])  # 90 degrees, twice as large
+    moved = carry(Box(10, 20, 6, 8), turn)
+    assert (moved.cx_px, moved.cy_px) == pytest.approx((60, 70))
+    assert (moved.w_px, moved.h_px) == pytest.approx((12, 16))
+    perspective = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.01, 1.0]])
+    shrunk = carry(Box(0, 100, 10, 10), perspective)
+    assert shrunk.cy_px == pytest.approx(50)
+    assert shrunk.w_px < 5
+
+
+@pytest.mark.parametrize("side_px", [14, 24, 40, 150])
+@pytest.mark.parametrize("growth", [1.0, 1.08])
+def test_target_flow_measures_shift_and_size(side_px: float, growth: float) -> None:
+    ground = view(similarity((0, 0)))
+    here = Box(400.3, 250.6, side_px, side_px * 1.4)
+    there = Box(406.8, 247.2, here.w_px * growth, here.h_px * growth)
+    found = target_flow(grey(paste(ground, here)), grey(paste(ground, there)), here)
+    assert found is not None
+    assert (found.dx_px, found.dy_px) == pytest.approx((6.5, -3.4), abs=0.06 * side_px)
+    if side_px > 20:  # on fewer pixels the background in the points' windows drowns the size
+        assert found.log_scale == pytest.approx(math.log(growth), abs=0.025)
+    assert found.inlier_frac > (0.5 if side_px > 20 else 0.25)
+
+
+def test_target_flow_finds_a_far_target_by_the_guess() -> None:
+    ground = view(similarity((0, 0)))
+    here, there = Box(300, 250, 24, 24), Box(460, 180, 24, 24)
+    before, after = grey(paste(ground, here)), grey(paste(ground, there))
+    found = target_flow(before, after, here, guess_px=(155.0, -66.0))
+    assert found is not None
+    assert (found.dx_px, found.dy_px) == pytest.approx((160, -70), abs=1)
+
+
+def test_target_flow_does_not_invent_motion_of_a_hidden_target() -> None:
+    ground = view(similarity((0, 0)))
+    here = Box(400, 250, 40, 40)
+    before, covered = grey(paste(ground, here)), grey(cv2.rectangle(ground.copy(), (340, 190), (460, 310), 90, -1))
+    found = target_flow(before, covered, here)
+    assert found is None or found.inlier_frac < 0.3
+
+
+@pytest.mark.parametrize("box", [Box(-30, 100, 20, 20), Box(955, 100, 20, 20), Box(400, 250, 0, 0)])
+def test_target_flow_at_the_edge_of_the_frame_and_of_sense(box: Box) -> None:
+    image = grey(view(similarity((0, 0))))
+    found = target_flow(image, image, box)
+    if box.cx_px < 0:
+        assert found is None
+    elif found is not None:
+        assert math.hypot(found.dx_px, found.dy_px) < 0.1
+
+
+def test_small_grey_is_small_and_averages() -> None:
+    stripes = np.zeros((720, 1280, 3), np.uint8)
+    stripes[:, ::2] = 200
+    small, scale = motion.small_grey(stripes)
+    assert small.shape == (180, 320)
+    assert scale == 0.25
+    assert np.abs(small.astype(int) - 100).max() <= 1
