@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -17,6 +17,41 @@ class LatentProvider(Enum):
     CLIMNET = "climnet"  # interpolated by ClimNet, as in the paper
     PREVIOUS = "previous"  # features of the earlier patch itself, as in the released training; costs nothing
     OFF = "off"  # the current patch's own features: no temporal information at all
+
+
+class Variant(Enum):
+    """The whole ClimRT network, or one of the paper's ablations of it (its table on UAVTrack112).
+
+    GSTC and MS fusion are the encoder's and the decoder's blocks of ClimNet: a variant that names only one of
+    them has plain 3-D convolutions in the other's place.
+    """
+
+    HIFT = "hift"  # the baseline: HiFT's transformer on layers 3, 4 and 5 of the search patch alone
+    LCT = "lct"  # the paper's transformer, the search patch's own layer 5 in the latent frame's place
+    GSTC_LCT = "gstc_lct"  # latent frame by GSTC blocks and plain upsampling
+    MS_FUSION_LCT = "ms_fusion_lct"  # latent frame by plain blocks and MS fusion
+    CLIMNET_HIFT = "climnet_hift"  # HiFT's transformer whose decoder starts from the latent frame's layer 5
+    FULL = "full"  # ClimNet + LCT: ClimRT
+
+    @property
+    def is_hift(self) -> bool:
+        """Whether HiFT's transformer joins the similarity maps, not the paper's."""
+        return self in (Variant.HIFT, Variant.CLIMNET_HIFT)
+
+    @property
+    def uses_latent(self) -> bool:
+        """Whether a latent frame enters the network at all."""
+        return self not in (Variant.HIFT, Variant.LCT)
+
+    @property
+    def has_gstc(self) -> bool:
+        """Whether ClimNet's encoder is made of ghost spatial-temporal blocks, not plain ones."""
+        return self is not Variant.MS_FUSION_LCT
+
+    @property
+    def has_ms_fusion(self) -> bool:
+        """Whether ClimNet's decoder fuses scales, not only upsamples."""
+        return self is not Variant.GSTC_LCT
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +77,7 @@ class NetworkConfig:
     legacy_layout: True repeats the unpermuted view in the authors' encoder (their checkpoints need it).
     cross_attention_residual: the authors' decoder has none around its cross-attention; True adds it.
     input_mean, input_scale: the backbone sees (x - mean) * scale of BGR 0..255 (the authors: raw).
+    variant: the whole network, or one of the paper's ablations of it.
     """
 
     name: str
@@ -57,6 +93,7 @@ class NetworkConfig:
     dropout: float = 0.1
     input_mean: float = 0.0
     input_scale: float = 1.0
+    variant: Variant = Variant.FULL
 
     def __post_init__(self) -> None:
         widths = self.backbone_channels
@@ -69,10 +106,17 @@ class NetworkConfig:
         _require(self.head_convs >= 0, "head_convs", self.head_convs, "zero or more")
         _require(0 <= self.dropout < 1, "dropout", self.dropout, "in [0, 1)")
         _require(self.input_scale != 0, "input_scale", self.input_scale, "other than zero")
+        has_use = self.climnet is None or self.variant.uses_latent
+        _require(has_use, "climnet", self.climnet, f"none for variant {self.variant.value}")
+
+    def as_variant(self, variant: Variant) -> NetworkConfig:
+        """The same widths as an ablation of the paper; ClimNet is left out where no latent frame is used."""
+        climnet = self.climnet if variant.uses_latent else None
+        return replace(self, name=f"{self.name}-{variant.value}", variant=variant, climnet=climnet)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
-        return asdict(self)
+        return asdict(self) | {"variant": self.variant.value}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> NetworkConfig:
@@ -83,8 +127,9 @@ class NetworkConfig:
             climnet = values["climnet"]
             if climnet is not None:
                 values["climnet"] = ClimNetConfig(climnet["stem"], tuple(climnet["stages"]))
+            values["variant"] = Variant(values.get("variant", Variant.FULL))
             return cls(**values)
-        except (KeyError, TypeError, AttributeError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             raise ConfigError(f"network configuration is incomplete or malformed: {error}") from error
 
 
@@ -184,4 +229,16 @@ COMPACT = NetworkConfig(
     input_scale=1 / 58,
 )
 
-NETWORKS = {FULL.name: FULL, COMPACT.name: COMPACT}
+# The paper's widths with compact's layout and input: what compact weights can be widened to exactly
+# (tracker.train.widen). ClimNet stays compact's.
+WIDE = replace(
+    COMPACT,
+    name="wide",
+    backbone_channels=FULL.backbone_channels,
+    hidden=FULL.hidden,
+    heads=FULL.heads,
+    ffn=FULL.ffn,
+    group_norm_groups=FULL.group_norm_groups,
+)
+
+NETWORKS = {config.name: config for config in (FULL, COMPACT, WIDE)}

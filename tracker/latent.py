@@ -40,7 +40,7 @@ class ClimNetLatent:
         """See LatentSource; at the start, the oldest patch there is, and the first time the patch itself."""
         earlier = self._patches[0] if self._patches else patch
         self._patches.append(patch)
-        features: Tensor = self._network.features(latent_patch(self._climnet, earlier, patch))[1]
+        features: Tensor = self._network.features(latent_patch(self._climnet, earlier, patch))[-1]
         return features
 
 

@@ -156,7 +156,7 @@ class ClimRTTracker:
     @torch.inference_mode()
     def _predict(self, patch: Tensor, template: Features) -> list[Tensor]:
         features = self._network.features(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
-        latent5 = self._latent.latent5(patch, features[1])  # (1, c5, 26, 26)
+        latent5 = self._latent.latent5(patch, features[-1])  # (1, c5, 26, 26)
         return [maps[0].cpu() for maps in self._network.heads(features, template, latent5)]
 
     def _tensor(self, patch: Image) -> Tensor:

@@ -51,13 +51,23 @@ class GhostConv(nn.Module):
 
 
 class GSTCBlock(nn.Module):
-    """Ghost spatial-temporal residual block: two ghost convolutions, a shortcut, a gate; no ReLU after."""
+    """Ghost spatial-temporal residual block: two ghost convolutions, a shortcut, a gate; no ReLU after.
 
-    def __init__(self, inputs: int, outputs: int, stride: int) -> None:
+    ghost=False puts plain 3x3x3 convolutions in the ghost convolutions' place, for the ablation of GSTC; the
+    width between a ghost convolution's two halves is chosen so that both kinds are of about equal size.
+    """
+
+    def __init__(self, inputs: int, outputs: int, stride: int, ghost: bool = True) -> None:
         super().__init__()
         middle = (inputs * outputs * 27) // (9 * inputs + 3 * outputs)
-        self.conv1 = nn.Sequential(GhostConv(inputs, outputs, middle, stride), nn.ReLU())
-        self.conv2 = nn.Sequential(GhostConv(outputs, outputs, middle, 1))
+
+        def mixing(channels: int, step: int) -> nn.Module:
+            if ghost:
+                return GhostConv(channels, outputs, middle, step)
+            return nn.Conv3d(channels, outputs, 3, (1, step, step), 1, bias=False)
+
+        self.conv1 = nn.Sequential(mixing(inputs, stride), nn.ReLU())
+        self.conv2 = nn.Sequential(mixing(outputs, 1))
         self.fg = Gate(outputs)
         if stride != 1 or inputs != outputs:
             shortcut = nn.Conv3d(inputs, outputs, 1, (1, stride, stride), bias=False)
@@ -73,7 +83,7 @@ class GSTCBlock(nn.Module):
 class Encoder(nn.Module):
     """Stem at full resolution, then four stages; only the last three halve it."""
 
-    def __init__(self, config: ClimNetConfig) -> None:
+    def __init__(self, config: ClimNetConfig, gstc: bool = True) -> None:
         super().__init__()
         c1, c2, c3, c4 = config.stages
         stem = config.stem
@@ -85,10 +95,10 @@ class Encoder(nn.Module):
             nn.Identity(),
             nn.ReLU(),
         )
-        self.layer1 = nn.Sequential(GSTCBlock(c1, c1, 1))
-        self.layer2 = nn.Sequential(GSTCBlock(c1, c2, 2))
-        self.layer3 = nn.Sequential(GSTCBlock(c2, c3, 2))
-        self.layer4 = nn.Sequential(GSTCBlock(c3, c4, 2))
+        self.layer1 = nn.Sequential(GSTCBlock(c1, c1, 1, gstc))
+        self.layer2 = nn.Sequential(GSTCBlock(c1, c2, 2, gstc))
+        self.layer3 = nn.Sequential(GSTCBlock(c2, c3, 2, gstc))
+        self.layer4 = nn.Sequential(GSTCBlock(c3, c4, 2, gstc))
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """(B, 3, T, H, W) to four maps at 1, 1/2, 1/4 and 1/8 of the resolution."""
@@ -152,17 +162,22 @@ class FeatureFuse(nn.Module):
 
 
 class ClimNet(nn.Module):
-    """The patch between two patches."""
+    """The patch between two patches.
 
-    def __init__(self, config: ClimNetConfig) -> None:
+    gstc=False, ms_fusion=False: the paper's ablations, with plain 3x3x3 convolutions in the encoder's blocks and
+    with plain gated upsampling in the decoder, as in FLAVR, from which ClimNet derives.
+    """
+
+    def __init__(self, config: ClimNetConfig, gstc: bool = True, ms_fusion: bool = True) -> None:
         super().__init__()
         c1, c2, c3, c4 = config.stages
-        self.encoder = Encoder(config)
+        upsampling = MSFusion if ms_fusion else GatedUpsampling
+        self.encoder = Encoder(config, gstc)
         self.decoder = nn.Sequential(
             GatedConv(c4, c4),
-            MSFusion(2 * c4, c3),
-            MSFusion(2 * c3, c2),
-            MSFusion(2 * c2, c1),
+            upsampling(2 * c4, c3),
+            upsampling(2 * c3, c2),
+            upsampling(2 * c2, c1),
             GatedConv(2 * c1, c1),
         )
         self.feature_fuse = FeatureFuse(c1)

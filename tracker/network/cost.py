@@ -55,7 +55,7 @@ def cost(config: NetworkConfig, tracker: TrackerConfig | None = None) -> Cost:
             _params(network.internet),
             _gmac(lambda: network.template(z)),
             backbone_gmac,
-            _gmac(lambda: network.heads(xf, zf, xf[1])),
+            _gmac(lambda: network.heads(xf, zf, xf[-1])),
             climnet_gmac,
         )
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tracker.network.climnet import ClimNet, Gate, GatedConv, GhostConv, GSTCBlock, MSFusion
+from tracker.network.climnet import ClimNet, Gate, GatedConv, GatedUpsampling, GhostConv, GSTCBlock, MSFusion
 
 MOMENTS = 2
 
@@ -37,7 +37,8 @@ def across_moments(conv: nn.Conv3d, split: tuple[int, ...]) -> nn.Conv2d:
     rows = [_interleave([w[:, :, s - t + 1] for s in range(MOMENTS)], split, 1) for t in range(MOMENTS)]
     bias = None if conv.bias is None else conv.bias.repeat(MOMENTS)
     inputs, outputs = MOMENTS * conv.in_channels, MOMENTS * conv.out_channels
-    folded = nn.Conv2d(inputs, outputs, conv.kernel_size[1:], padding=conv.padding[1:], bias=bias is not None)
+    kernel, stride, padding = conv.kernel_size[1:], conv.stride[1:], conv.padding[1:]
+    folded = nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=bias is not None)
     return _filled(folded, torch.cat(rows, 0), bias)
 
 
@@ -119,8 +120,8 @@ class FoldedGSTCBlock(nn.Module):
 
     def __init__(self, block: GSTCBlock) -> None:
         super().__init__()
-        self.conv1 = FoldedGhostConv(block.conv1[0])
-        self.conv2 = FoldedGhostConv(block.conv2[0])
+        self.conv1 = _space_time(block.conv1[0])
+        self.conv2 = _space_time(block.conv2[0])
         self.shortcut = per_moment(block.downsample[0]) if len(block.downsample) else nn.Identity()
         self.gate = folded_gate(block.fg)
 
@@ -128,6 +129,10 @@ class FoldedGSTCBlock(nn.Module):
         """(B, 2*Cin, H, W) to (B, 2*Cout, H', W')."""
         y = self.conv2(torch.relu_(self.conv1(x))).add_(self.shortcut(x))  # (B, 2*Cout, H', W')
         return y.mul_(_both(self.gate(_means(y))))
+
+
+def _space_time(conv: GhostConv | nn.Conv3d) -> nn.Module:
+    return FoldedGhostConv(conv) if isinstance(conv, GhostConv) else across_moments(conv, (conv.in_channels,))
 
 
 class FoldedGatedConv(nn.Module):
@@ -169,6 +174,21 @@ class FoldedMSFusion(nn.Module):
         return u.mul_(_both(factor))
 
 
+class FoldedGatedUpsampling(nn.Module):
+    """GatedUpsampling, and the LeakyReLU that follows it, on [t0 | t1] channels."""
+
+    def __init__(self, block: GatedUpsampling) -> None:
+        super().__init__()
+        conv = block.upconv[0]
+        self.up = upsampling(conv, (conv.in_channels // 2,) * 2)
+        self.gate = folded_gate(block.upconv[1])
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, 2*Cin, H, W), parts decoded and skip, to (B, 2*Cout, 2H, 2W)."""
+        u = self.up(x)  # (B, 2*Cout, 2H, 2W)
+        return functional.leaky_relu_(u.mul_(_both(self.gate(_means(u)))), 0.2)
+
+
 class FoldedClimNet(nn.Module):
     """ClimNet for inference, built from a reference ClimNet's weights at construction."""
 
@@ -180,7 +200,10 @@ class FoldedClimNet(nn.Module):
         self.stages = nn.ModuleList(
             FoldedGSTCBlock(stage[0]) for stage in (encoder.layer1, encoder.layer2, encoder.layer3, encoder.layer4)
         )
-        fusions = [FoldedMSFusion(block) for block in decoder[1:4]]
+        fusions = [
+            FoldedMSFusion(block) if isinstance(block, MSFusion) else FoldedGatedUpsampling(block)
+            for block in decoder[1:4]
+        ]
         self.decoders = nn.ModuleList([FoldedGatedConv(decoder[0], parts=1), *fusions])
         self.last = FoldedGatedConv(decoder[4], parts=2)
         self.fuse = _filled(_like(reference.feature_fuse.conv[0]), reference.feature_fuse.conv[0].weight, None)

@@ -22,6 +22,24 @@ def to_maps(sequence: Tensor, height: int, width: int) -> Tensor:
     return sequence.transpose(1, 2).reshape(sequence.shape[0], -1, height, width)
 
 
+def as_maps(sequence: Tensor, height: int, width: int, legacy_layout: bool) -> Tensor:
+    """(B, H*W, C) to (B, C, H, W): properly, or as the authors' encoders see it.
+
+    They view position-major memory as channel-major without permuting: their weights have learned it. Done per
+    sample here, so a batch is the same as its samples one by one.
+    """
+    if not legacy_layout:
+        return to_maps(sequence, height, width)  # (B, C, H, W)
+    return sequence.reshape(sequence.shape[0], -1, height, width)  # (B, C, H, W), scrambled
+
+
+def as_sequence(maps: Tensor, legacy_layout: bool) -> Tensor:
+    """The way back from as_maps: (B, C, H, W) to (B, H*W, C)."""
+    if not legacy_layout:
+        return to_sequence(maps)
+    return maps.reshape(maps.shape[0], -1, maps.shape[1])  # (B, S, C)
+
+
 class LAEIE(nn.Module):
     """Encoder layer: layer-5 map, weighted per channel, asks the layer-4 map; a 1x1 conv fuses."""
 
@@ -45,25 +63,20 @@ class LAEIE(nn.Module):
         query = self.norm1(to_sequence(m5 + weight * m5))  # (B, S, C)
         key = to_sequence(m4)  # (B, S, C)
         attended = self.self_attn(query, key, key, need_weights=False)[0]  # (B, S, C)
-        fused = torch.cat([self._maps(query, height, width), self._maps(attended, height, width)], 1)
+        maps = [as_maps(sequence, height, width, self.legacy_layout) for sequence in (query, attended)]
+        fused = torch.cat(maps, 1)  # (B, 2C, H, W)
         s = to_sequence(self.conv2(fused))  # (B, 2C, H, W) -> (B, S, C)
         return self.norm2(s + self.linear2(torch.relu(self.linear1(s))))  # (B, S, C)
-
-    def _maps(self, sequence: Tensor, height: int, width: int) -> Tensor:
-        if not self.legacy_layout:
-            return to_maps(sequence, height, width)  # (B, C, H, W)
-        # The authors view position-major memory as channel-major without permuting: their weights have
-        # learned it. Done per sample here, so a batch is the same as its samples one by one.
-        return sequence.reshape(sequence.shape[0], -1, height, width)  # (B, C, H, W), scrambled
 
 
 class CALID(nn.Module):
     """Decoder layer: the latent map attends to itself, then reads the encoder's memory."""
 
-    def __init__(self, config: NetworkConfig) -> None:
+    def __init__(self, config: NetworkConfig, residual: bool) -> None:
+        """residual: whether the cross-attention has one; the authors' has not."""
         super().__init__()
         hidden = config.hidden
-        self.residual = config.cross_attention_residual
+        self.residual = residual
         self.self_attn = nn.MultiheadAttention(hidden, config.heads, config.dropout, batch_first=True)
         self.multihead_attn = nn.MultiheadAttention(hidden, config.heads, config.dropout, batch_first=True)
         self.linear1 = nn.Linear(hidden, config.ffn)
@@ -81,16 +94,18 @@ class CALID(nn.Module):
 
 
 class Stage(nn.Module):
-    """One layer and the closing LayerNorm, nested as the authors' checkpoints name them."""
+    """Layers one after the other and the closing LayerNorm, nested as the authors' checkpoints name them."""
 
-    def __init__(self, layer: nn.Module, hidden: int) -> None:
+    def __init__(self, layers: list[nn.Module], hidden: int) -> None:
         super().__init__()
-        self.layers = nn.ModuleList([layer])
+        self.layers = nn.ModuleList(layers)
         self.norm = nn.LayerNorm(hidden)
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        """(B, S, C) from the layer's two inputs."""
-        return self.norm(self.layers[0](a, b))  # (B, S, C)
+        """(B, S, C) from the first layer's input and the one that every layer is given beside its own."""
+        for layer in self.layers:
+            a = layer(a, b)  # (B, S, C)
+        return self.norm(a)  # (B, S, C)
 
 
 class CrossTransformer(nn.Module):
@@ -98,8 +113,8 @@ class CrossTransformer(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.encoder = Stage(LAEIE(config), config.hidden)
-        self.decoder = Stage(CALID(config), config.hidden)
+        self.encoder = Stage([LAEIE(config)], config.hidden)
+        self.decoder = Stage([CALID(config, config.cross_attention_residual)], config.hidden)
 
     def forward(self, m4: Tensor, m5: Tensor, mt5: Tensor) -> Tensor:
         """Maps (B, C, H, W) of layer 4, layer 5 and the latent frame, positions added, to (B, C, H, W)."""

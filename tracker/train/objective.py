@@ -71,7 +71,7 @@ class Objective:
         with torch.autocast(self.device.type, torch.bfloat16), sdpa_kernel(SDPBackend.MATH):
             zf = network.template(to_input(batch["template"], self.device))
             xf = network.features(to_input(batch["search"], self.device))
-            responses = self.response(xf, zf)
+            responses = self.response(xf[-2:], zf[-2:])
             if stage.kind is StageKind.JOINT:
                 predictions = network.heads(xf, zf, self._latent(stage, batch, xf))
         auxiliary = siamese_loss(responses, box, positive, self.config.cross_negative_weight)
@@ -88,11 +88,11 @@ class Objective:
     def _latent(self, stage: Stage, batch: Batch, xf: tuple[Tensor, Tensor]) -> Tensor:
         """Layer 5 of what stands for the latent frame: the previous patch, or the current one."""
         if self._dice.random() >= stage.latent_previous_frac:
-            return xf[1]
+            return xf[-1]
         modes = [(m, m.training) for m in self.network.backbone.modules()]
         self.network.backbone.eval()  # its statistics belong to search patches that also learn
         with torch.no_grad():
-            latent = self.network.features(to_input(batch["previous"], self.device))[1]
+            latent = self.network.features(to_input(batch["previous"], self.device))[-1]
         for module, training in modes:
             module.training = training
         return latent
@@ -116,7 +116,7 @@ def validate(network: ClimRT, batches: list[Batch], device: torch.device) -> dic
     for batch in batches:
         zf = network.template(to_input(batch["template"], device))
         xf = network.features(to_input(batch["search"], device))
-        latent = network.features(to_input(batch["previous"], device))[1]
+        latent = network.features(to_input(batch["previous"], device))[-1]
         loc, cls1, cls2 = network.heads(xf, zf, latent)
         score = cls1.softmax(1)[:, 1].flatten(1) * 0.8 + 0.9 * cls2.flatten(1).sigmoid()
         best = score.argmax(1)
