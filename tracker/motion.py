@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import cv2
@@ -22,6 +23,8 @@ CORNER_QUALITY = 0.01
 CORNER_SPACING_FRAC = 1 / 32  # of the small picture's width
 WINDOW_PX = 15
 LEVELS = 3
+PATH_FRAMES = 5
+PATH_REACH = 5  # times that, a target goes on out of sight as it went before
 AGREE_SMALL_PX = 1.0  # in the small picture
 MIN_INLIERS = 12
 MIN_INLIER_FRAC = 0.4
@@ -96,6 +99,58 @@ def carry(box: Box, motion: Homography) -> Box:
     return Box(x, y, box.w_px * growth, box.h_px * growth)
 
 
+class StabilisedPath:
+    """The target's own way over the ground: its last places, carried along with the camera's motion.
+
+    Where it is expected is where it was last seen, as the background has moved since, and on by its mean
+    velocity over the last frames in which it was seen. Per frame: first `move`, then `observe` if it was seen.
+    """
+
+    def __init__(self, frames: int = PATH_FRAMES) -> None:
+        """frames: length of the past that the velocity is taken from."""
+        self._frames = frames
+        self._places: deque[tuple[int, float, float]] = deque(maxlen=frames + 1)  # frame number, x, y now
+        self._now = 0
+
+    def move(self, motion: Homography | None) -> None:
+        """To the next frame, over which the background moved so; unknown motion counts as none."""
+        self._now += 1
+        if motion is None:
+            return
+        for i, (number, x, y) in enumerate(self._places):
+            u, v, w = motion @ (x, y, 1.0)
+            self._places[i] = (number, float(u / w), float(v / w))
+
+    def observe(self, cx_px: float, cy_px: float) -> None:
+        """The target is seen here in the current frame."""
+        while self._places and self._now - self._places[0][0] > self._frames:
+            self._places.popleft()
+        self._places.append((self._now, cx_px, cy_px))
+
+    @property
+    def unseen_frames(self) -> int:
+        """Frames since the last observation; 0 if there was none yet."""
+        return self._now - self._places[-1][0] if self._places else 0
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Of the target over the ground, px of the current frame per frame."""
+        if len(self._places) < 2:
+            return 0.0, 0.0
+        (first, x0, y0), (last, x1, y1) = self._places[0], self._places[-1]
+        return (x1 - x0) / (last - first), (y1 - y0) / (last - first)
+
+    def expected(self) -> tuple[float, float] | None:
+        """Centre (px) where the target should be in the current frame; None if it was never seen."""
+        if not self._places:
+            return None
+        _, x, y = self._places[-1]
+        vx, vy = self.velocity
+        # Nobody walks on for ever: the way since last seen is limited to that of the past it is known from.
+        frames = min(self.unseen_frames, PATH_REACH * self._frames)
+        return x + vx * frames, y + vy * frames
+
+
 def _background_motion(previous: Grey, grey: Grey, exclude: Box | None) -> Homography | None:
     height, width = previous.shape
     mask = None
@@ -113,8 +168,8 @@ def _background_motion(previous: Grey, grey: Grey, exclude: Box | None) -> Homog
     motion, inliers = cv2.findHomography(corners[followed], moved[followed], cv2.USAC_MAGSAC, AGREE_SMALL_PX)
     if motion is None or inliers.sum() < max(MIN_INLIERS, MIN_INLIER_FRAC * followed.sum()):
         return None
-    motion = np.asarray(motion, np.float64)
-    return motion if _is_plausible(motion, width, height) else None
+    background: Homography = np.asarray(motion, np.float64)
+    return background if _is_plausible(background, width, height) else None
 
 
 def _follow(previous: Grey, grey: Grey, points: Points, window_px: int) -> tuple[Points, NDArray[np.bool_]]:

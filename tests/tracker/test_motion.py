@@ -11,7 +11,7 @@ import pytest
 from tracker import motion
 from tracker.box import Box
 from tracker.crop import Image
-from tracker.motion import CameraMotion, carry, target_flow
+from tracker.motion import CameraMotion, StabilisedPath, carry, target_flow
 
 NOISE = np.random.default_rng(3).standard_normal((900, 1500, 3))
 # Details of all sizes, as the ground has.
@@ -108,6 +108,37 @@ def test_carry_moves_and_scales_a_box() -> None:
     shrunk = carry(Box(0, 100, 10, 10), perspective)
     assert shrunk.cy_px == pytest.approx(50)
     assert shrunk.w_px < 5
+
+
+def test_path_goes_on_over_the_ground_while_the_camera_swings() -> None:
+    rng = np.random.default_rng(5)
+    path = StabilisedPath(frames=5)
+    assert path.expected() is None
+    to_picture = np.eye(3)
+    for t in range(30):
+        swing = np.array([[1, 0, rng.uniform(-30, 30)], [0, 1, rng.uniform(-30, 30)], [0, 0, 1]])
+        to_picture = swing @ to_picture
+        path.move(swing)
+        x, y, _ = to_picture @ (100 + 4 * t, 200 - 3 * t, 1)
+        if t <= 10:
+            path.observe(x, y)
+        assert path.unseen_frames == max(0, t - 10)
+        assert path.expected() == pytest.approx((x, y), abs=1e-6)
+    assert path.velocity == pytest.approx((4, -3))
+
+
+def test_path_stops_in_the_end_and_forgets_what_is_long_ago() -> None:
+    path = StabilisedPath(frames=2)
+    for x in (0, 5):
+        path.move(None)
+        path.observe(x, 0)
+    for _ in range(100):
+        path.move(None)
+    stopped = path.expected()
+    assert stopped is not None
+    assert stopped[0] == 5 + 5 * motion.PATH_REACH * 2
+    path.observe(300, 0)
+    assert path.velocity == (0, 0)
 
 
 @pytest.mark.parametrize("side_px", [14, 24, 40, 150])
