@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.train import photometric
-from tracker.train.pack import Imagery, Thing
-from tracker.train.warp import CutOut, Pose, cut_out, paste, warp_around
+from tracker.train.pack import BrokenPictureError, Imagery, Thing
+from tracker.train.warp import CutOut, Pose, context_px, cut_out, paste, thing_centre, warp_around
 
 SEARCH_PX, TEMPLATE_PX = 287, 127
+BROKEN_IN_A_ROW = 50  # samples in a row with a picture that cannot be read: the disc is gone, not a file
 AERIAL = ("hrplanes", "atl", "aerial_cars", "korban", "porong", "brighton_drone", "odcam", "manaus")
 
 
@@ -37,6 +38,7 @@ class Recipe:
     distractor_frac: float = 0.5
     occluder_frac: float = 0.2
     shadow_frac: float = 0.35  # of targets pasted on another background
+    deformed_frac: float = 0.15  # of targets pasted on another background; composed on a GPU only
     coarse_frac: float = 0.45
 
 
@@ -56,12 +58,6 @@ class Sample:
     positive: bool
 
 
-def context_px(w: float, h: float) -> float:
-    """Side of the square that a 127 px patch shows: sqrt((w+p)(h+p)), p = (w+h)/2."""
-    p = (w + h) / 2
-    return math.sqrt((w + p) * (h + p))
-
-
 class Composer:
     """Draws samples from an Imagery. One per worker; deterministic for its seed."""
 
@@ -74,14 +70,13 @@ class Composer:
         self._outlined = imagery.outlined()
         self._by_label: dict[str, list[int]] = {}
         for i in self._outlined:
-            self._by_label.setdefault(imagery.things[i].label, []).append(i)
+            self._by_label.setdefault(imagery.label(i), []).append(i)
         self._balanced = self._balance()
-        self._aerial = [i for i, p in enumerate(imagery.parts) if p in AERIAL] or list(range(len(imagery)))
+        self._aerial = [i for i, p in enumerate(imagery.parts) if p in AERIAL] or range(len(imagery))
 
     def _balance(self) -> np.ndarray:
         """Probability of each thing: the square root of its part's count shared by the part."""
-        parts = [self.imagery.parts[t.image] for t in self.imagery.things]
-        names, inverse, counts = np.unique(parts, return_inverse=True, return_counts=True)
+        names, inverse, counts = self.imagery.part_counts()
         weight = np.sqrt(counts) * np.array([2.0 if n in AERIAL else 1.0 for n in names])
         p = (weight / counts)[inverse]
         return np.cumsum(p / p.sum())
@@ -89,6 +84,8 @@ class Composer:
     # -- choosing -------------------------------------------------------------------------------------
 
     def _thing(self) -> Thing:
+        if not len(self._balanced):  # clips without boxes
+            return self._spot()
         i = int(np.searchsorted(self._balanced, self.rng.random()))
         return self.imagery.things[min(i, len(self.imagery.things) - 1)]
 
@@ -111,9 +108,10 @@ class Composer:
         """Template's and search's source; the same thing unless a track through a clip is drawn."""
         u = self.rng.random()
         if u < self.recipe.clip_frac and self.imagery.tracks:
-            track = self.imagery.tracks[self.rng.integers(len(self.imagery.tracks))]
+            chosen = int(self.rng.integers(len(self.imagery.tracks)))
+            track, reach = self.imagery.tracks[chosen], self.imagery.reach(chosen)
             a = int(self.rng.integers(len(track)))
-            b = int(np.clip(a + self.rng.integers(-20, 21), 0, len(track) - 1))
+            b = int(np.clip(a + self.rng.integers(-reach, reach + 1), 0, len(track) - 1))
             return self.imagery.things[track[a]], self.imagery.things[track[b]]
         if u < self.recipe.clip_frac + self.recipe.spot_frac:
             thing = self._spot()
@@ -162,7 +160,15 @@ class Composer:
         return image, pose.about(cx, cy)
 
     def sample(self) -> Sample:
-        """Draw one sample."""
+        """Draw one sample; where a picture of a big set is broken, another. Raises what is wrong if all seem so."""
+        for _ in range(BROKEN_IN_A_ROW - 1):
+            try:
+                return self._draw()
+            except BrokenPictureError:  # the picture's reader has named it
+                continue
+        return self._draw()
+
+    def _draw(self) -> Sample:
         rng, r = self.rng, self.recipe
         z_thing, x_thing = self._pair()
         own = rng.random() < r.own_background_frac and self._covers(x_thing)
@@ -291,9 +297,3 @@ class Composer:
                 patch = photometric.compress(patch, quality)
             out.append(patch)
         return out
-
-
-def thing_centre(thing: Thing) -> tuple[float, float]:
-    """Centre of the thing's box in its picture, px."""
-    x, y, w, h = thing.box
-    return x + w / 2, y + h / 2

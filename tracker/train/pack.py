@@ -1,4 +1,4 @@
-"""Imagery to train on: packs of stills and clips (a tar or a folder with a pack.json) held in memory."""
+"""Imagery to train on, and its packs of stills and clips (a tar or a folder with a pack.json) held in memory."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 import json
 import tarfile
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,13 @@ import cv2
 import numpy as np
 
 MIN_OBJECT_PX = 10  # smaller boxes carry too little to learn a template from
+PACK_REACH = 20  # frames: further apart in a pack's clip, an object has often turned into another picture of itself
+
+Pyramid = tuple[np.ndarray, ...]  # one picture at full, half and quarter size, (H,W,3) uint8 BGR
+
+
+class BrokenPictureError(ValueError):
+    """A picture of a big data set cannot be read; the message names the file and what is wrong with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,22 +37,44 @@ class Thing:
 
 @dataclass
 class Imagery:
-    """All pictures as uint8 BGR, with the objects on them and the tracks through clips."""
+    """All pictures as uint8 BGR, with the objects on them and the tracks through clips.
 
-    pyramids: list[tuple[np.ndarray, ...]] = field(default_factory=list)  # full, half and quarter size
-    masks: list[np.ndarray] = field(default_factory=list)
-    parts: list[str] = field(default_factory=list)
-    frames: list[int] = field(default_factory=list)  # number in the clip's video, -1 for a still
-    things: list[Thing] = field(default_factory=list)
-    tracks: list[list[int]] = field(default_factory=list)  # indices of things, in order of frames
-    clips: list[list[int]] = field(default_factory=list)  # indices of images, in order of frames
+    Here everything is in memory; tracker.train.datasets.JoinedImagery reads big sets' pictures from the disc when
+    asked for them, and then `pyramids[i]` raises BrokenPictureError for a file that cannot be read.
+    """
+
+    pyramids: Sequence[Pyramid] = field(default_factory=list)
+    masks: Sequence[np.ndarray] = field(default_factory=list)
+    parts: Sequence[str] = field(default_factory=list)
+    frames: Sequence[int] = field(default_factory=list)  # number in the clip's video, -1 for a still
+    things: Sequence[Thing] = field(default_factory=list)
+    tracks: Sequence[list[int]] = field(default_factory=list)  # indices of things, in order of frames
+    clips: Sequence[list[int]] = field(default_factory=list)  # indices of images, in order of frames
 
     def __len__(self) -> int:
         return len(self.pyramids)
 
+    @property
+    def in_memory(self) -> bool:
+        """Whether every picture is held in memory, as it must be to be copied to a device whole."""
+        return True
+
+    def reach(self, track: int) -> int:
+        """How many places of the track the template and the search frame may lie apart."""
+        return PACK_REACH
+
     def outlined(self) -> list[int]:
         """Indices of the things that have a mask or outline, so that they can be cut out."""
         return [i for i, t in enumerate(self.things) if t.outline or t.mask_of >= 0]
+
+    def label(self, thing: int) -> str:
+        """What the thing is called, "" where nobody said."""
+        return self.things[thing].label
+
+    def part_counts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Names of the parts that have things (P,), each thing's part as index into them (T,), things per part (P,)."""
+        parts = [self.parts[t.image] for t in self.things]
+        return np.unique(parts, return_inverse=True, return_counts=True)
 
 
 def _reader(source: Path) -> tuple[list[dict], Callable[[str], bytes]]:
@@ -70,7 +99,7 @@ def _decode(data: bytes, flag: int = cv2.IMREAD_COLOR) -> np.ndarray:
     return image
 
 
-def _pyramid(image: np.ndarray) -> tuple[np.ndarray, ...]:
+def pyramid_of(image: np.ndarray) -> Pyramid:
     """The image at full, half and quarter size: shrinking from the nearest level avoids aliasing."""
     half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return image, half, cv2.resize(half, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -109,7 +138,7 @@ def load(sources: list[Path], split: str = "train", only: set[str] | None = None
             decoded = pool.map(lambda r, read=read: _decode(read(r["f"])), records)
             for record, image in zip(records, decoded, strict=True):
                 index = len(found.pyramids)
-                found.pyramids.append(_pyramid(image))
+                found.pyramids.append(pyramid_of(image))
                 found.parts.append(record["part"])
                 found.frames.append(record.get("frame", 0) if record.get("clip") else -1)
                 mask = -1

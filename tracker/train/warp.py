@@ -12,6 +12,18 @@ from tracker.train import photometric
 from tracker.train.pack import Imagery, Thing
 
 
+def context_px(w: float, h: float) -> float:
+    """Side of the square that a 127 px patch shows: sqrt((w+p)(h+p)), p = (w+h)/2."""
+    p = (w + h) / 2
+    return math.sqrt((w + p) * (h + p))
+
+
+def thing_centre(thing: Thing) -> tuple[float, float]:
+    """Centre of the thing's box in its picture, px."""
+    x, y, w, h = thing.box
+    return x + w / 2, y + h / 2
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """Where the anchor of a picture lies in a patch (x, y px), its scales (patch px per picture px) and turn.
