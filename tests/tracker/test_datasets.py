@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.tracker.packs import write_pack
-from tracker.train.compose import BROKEN_IN_A_ROW, Composer, Recipe
+from tracker.train.compose import Composer, Recipe
 from tracker.train.dataset import collate
 from tracker.train.datasets import DatasetError, credits_of_sets, load_sources
 from tracker.train.pack import PACK_REACH, BrokenPictureError, Imagery, load
@@ -281,7 +281,15 @@ def test_broken_picture_is_named_once_and_another_drawn(tmp_path: Path, caplog: 
     gone = one("coco", root)
     with pytest.raises(BrokenPictureError, match=r"jpg: No such file"), caplog.at_level(logging.ERROR):
         Composer(gone, 3).sample()
-    assert BROKEN_IN_A_ROW < 100
+
+
+def test_pictures_of_a_published_clip_are_alike_unread(tmp_path: Path) -> None:
+    root = vimeo(tmp_path / "vimeo")
+    for path in root.rglob("*.png"):
+        path.unlink()
+    write_pack(tmp_path / "pack")
+    found = load_sources(["pack", {"dataset": "vimeo", "root": "vimeo"}], tmp_path)
+    assert all(found.alike(clip) for clip in found.clips)
 
 
 def test_workers_read_for_themselves(tmp_path: Path) -> None:

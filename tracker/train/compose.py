@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracker.train import photometric
-from tracker.train.pack import BrokenPictureError, Imagery, Thing
+from tracker.train.pack import Imagery, Thing, unbroken
 from tracker.train.warp import CutOut, Pose, context_px, cut_out, paste, thing_centre, warp_around
 
 SEARCH_PX, TEMPLATE_PX = 287, 127
-BROKEN_IN_A_ROW = 50  # samples in a row with a picture that cannot be read: the disc is gone, not a file
 AERIAL = ("hrplanes", "atl", "aerial_cars", "korban", "porong", "brighton_drone", "odcam", "manaus")
 
 
@@ -160,13 +159,8 @@ class Composer:
         return image, pose.about(cx, cy)
 
     def sample(self) -> Sample:
-        """Draw one sample; where a picture of a big set is broken, another. Raises what is wrong if all seem so."""
-        for _ in range(BROKEN_IN_A_ROW - 1):
-            try:
-                return self._draw()
-            except BrokenPictureError:  # the picture's reader has named it
-                continue
-        return self._draw()
+        """Draw one sample."""
+        return unbroken(self._draw)
 
     def _draw(self) -> Sample:
         rng, r = self.rng, self.recipe

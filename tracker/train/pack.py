@@ -8,20 +8,35 @@ import tarfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
 MIN_OBJECT_PX = 10  # smaller boxes carry too little to learn a template from
+BROKEN_IN_A_ROW = 50  # draws with a picture that cannot be read: the disc is gone, not a file
 PACK_REACH = 20  # frames: further apart in a pack's clip, an object has often turned into another picture of itself
 
+T = TypeVar("T")
 Pyramid = tuple[np.ndarray, ...]  # one picture at full, half and quarter size, (H,W,3) uint8 BGR
 
 
 class BrokenPictureError(ValueError):
     """A picture of a big data set cannot be read; the message names the file and what is wrong with it."""
+
+
+def unbroken(draw: Callable[[], T]) -> T:
+    """What draw() gives, or gives next where a picture is broken (its reader has named it).
+
+    Raises BrokenPictureError when one follows another, BROKEN_IN_A_ROW times.
+    """
+    for _ in range(BROKEN_IN_A_ROW - 1):
+        with suppress(BrokenPictureError):
+            return draw()
+    return draw()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +77,10 @@ class Imagery:
     def reach(self, track: int) -> int:
         """How many places of the track the template and the search frame may lie apart."""
         return PACK_REACH
+
+    def alike(self, pictures: Sequence[int]) -> bool:
+        """Whether these pictures of one clip have the same size: a pack's clip may come from two sources."""
+        return len({self.pyramids[i][0].shape for i in pictures}) == 1
 
     def outlined(self) -> list[int]:
         """Indices of the things that have a mask or outline, so that they can be cut out."""
