@@ -144,13 +144,30 @@ def _add_weights(commands: Commands, common: Parser) -> None:
     p = actions.add_parser("info", help="what a weights file holds; checks it", parents=[common])
     p.set_defaults(handler="gcs.cli_weights:info")
     p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE")
-    p = actions.add_parser("train", help="train from packs of pictures", parents=[common])
+    _add_train(actions, common)
+
+
+def _add_train(actions: Commands, common: Parser) -> None:
+    text = (
+        "train weights from packs of pictures. A run goes on with --resume as often as needed, in slices of --minutes: "
+        "exit status 3 says that the schedule is not done yet. Several GPUs or machines: start it with torchrun "
+        "(torchrun --nproc-per-node N -m gcs.cli weights train ...) or --devices N."
+    )
+    p = actions.add_parser("train", help="train from packs of pictures", description=text, parents=[common])
     p.set_defaults(handler="gcs.cli_weights:train")
-    p.add_argument("settings", metavar="FILE", help="training settings (YAML)")
+    p.add_argument("settings", metavar="CONFIG", help="YAML file: network, packs, stages (see tracker/train/*.yaml)")
     p.add_argument("--data", metavar="DIR", required=True, help="folder with the packs")
-    p.add_argument("--out", metavar="DIR", required=True, help="folder for checkpoints and weights")
-    p.add_argument("--minutes", type=float, default=float("inf"), metavar="M", help="stop after this time")
-    p.add_argument("--resume", action="store_true", help="go on from the last checkpoint in --out")
+    p.add_argument(
+        "--out", metavar="DIR", help="folder for last.pt, best.pt, log.csv, pictures and weights.safetensors"
+    )
+    text = "leave with everything saved before so many minutes have passed since the command was given"
+    p.add_argument("--minutes", type=float, default=float("inf"), metavar="M", help=text)
+    p.add_argument("--resume", action="store_true", help="go on from last.pt in --out where there is one")
+    text = "begin with the averaged weights of a checkpoint (.pt), a .safetensors file or shipped weights"
+    p.add_argument("--from", dest="start_from", default="", metavar="FILE|NAME", help=text)
+    p.add_argument("--probe", action="store_true", help="train nothing: measure what is slow here (1 min or --minutes)")
+    p.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="default: the GPU if there is one")
+    p.add_argument("--devices", type=int, default=1, metavar="N", help="processes here, one device each (default: 1)")
 
 
 def _add_bench(commands: Commands, common: Parser) -> None:
@@ -159,12 +176,45 @@ def _add_bench(commands: Commands, common: Parser) -> None:
     bench.set_defaults(handler="gcs.cli_bench:speed")
     bench.add_argument("--json", action="store_true", help="one JSON line")
     kinds = bench.add_subparsers(metavar="KIND", parser_class=Parser)
-    p = kinds.add_parser("track", help="one-pass evaluation on a folder of sequences", parents=[common])
+    _add_bench_track(kinds, common)
+    _add_bench_score(kinds, common)
+
+
+def _add_bench_track(kinds: Commands, common: Parser) -> None:
+    text = "one-pass evaluation on a benchmark, a folder of sequences, or one video with boxes"
+    p = kinds.add_parser("track", help=text, description=text, parents=[common])
     p.set_defaults(handler="gcs.cli_bench:track")
-    p.add_argument("dataset", metavar="DATASET", help="folder with index.json, or videos beside .txt boxes")
-    p.add_argument("--weights", default="compact", metavar="NAME|FILE")
-    p.add_argument("--results", metavar="DIR", help="write the boxes there")
-    p.add_argument("--json", action="store_true", help="one JSON line per sequence")
+    _add_dataset(p)
+    p.add_argument("--config", choices=("compact", "full"), help="the shipped configuration (default: compact)")
+    p.add_argument("--weights", metavar="FILE", help="weights of your own (.safetensors) instead of those that ship")
+    p.add_argument("--results", metavar="DIR", help="keep the boxes there as text; a run broken off goes on from them")
+    p.add_argument("--against", metavar="NAME=DIR", action="append", default=[], help="another tracker's boxes; repeat")
+    p.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes, one thread each (default: 1, all threads)"
+    )
+    p.add_argument("--cluster", metavar="ADDRESS", help="a Dask scheduler (tcp://HOST:8786) whose workers do it")
+    p.add_argument("--latency", action="store_true", help="score late answers late too, without and with prediction")
+    p.add_argument("--fps", type=float, metavar="F", help="with --latency: rate of frames (default: the sequence's)")
+    p.add_argument(
+        "--slower", type=float, default=1.0, metavar="X", help="with --latency: as on a machine X times slower"
+    )
+
+
+def _add_bench_score(kinds: Commands, common: Parser) -> None:
+    text = "score the boxes that any tracker has left as text"
+    p = kinds.add_parser("score", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_bench:score")
+    _add_dataset(p)
+    p.add_argument("--results", metavar="NAME=DIR", action="append", required=True, help="a tracker's boxes; repeat")
+
+
+def _add_dataset(p: Parser) -> None:
+    p.add_argument("dataset", metavar="DATASET", help="folder or video; its layout is recognised")
+    p.add_argument("--dataset", dest="layout", metavar="KIND", help="its layout instead: uav123, otb, got10k, ...")
+    p.add_argument("--boxes", metavar="FILE", help="ground truth of one video or one folder of pictures")
+    p.add_argument("--attributes", action="store_true", help="precision and success by attribute too; plots as well")
+    p.add_argument("--plots", metavar="DIR", help="success, precision and centre-error figures there (PNG)")
+    p.add_argument("--json", action="store_true", help="one JSON object per line, the mean last")
 
 
 def _add_config(commands: Commands, common: Parser) -> None:

@@ -1,11 +1,21 @@
-"""`gcs bench` and `gcs bench track`."""
+"""`gcs bench`, `gcs bench track` and `gcs bench score`."""
 
 from __future__ import annotations
 
 import argparse
+import math
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gcs.errors import ConfigError
+from gcs.errors import EXIT_USAGE, ConfigError, one_line
+
+if TYPE_CHECKING:
+    from tracker.eval.benchmark import Results
+    from tracker.eval.datasets import Dataset
+    from tracker.eval.latency import LatencyConfig
+    from tracker.eval.run import Outcome
+    from tracker.eval.store import Store
 
 
 def speed(args: argparse.Namespace) -> int:
@@ -17,12 +27,148 @@ def speed(args: argparse.Namespace) -> int:
 
 
 def track(args: argparse.Namespace) -> int:
-    """Success and precision on a folder of sequences."""
-    from tracker.eval.run import bench
+    """Run the tracker through a data set and score it; beside it, other trackers' boxes."""
+    from tracker.eval.benchmark import run_benchmark
+    from tracker.eval.run import Job, Shipped
 
-    dataset = Path(args.dataset)
-    if not dataset.is_dir():
-        raise ConfigError(f"{dataset}: no such folder of sequences")
-    results = None if args.results is None else Path(args.results)
-    bench(dataset, args.weights, print, as_json=args.json, results=results)
-    return 0
+    if args.jobs < 1:
+        raise ConfigError(f"--jobs {args.jobs}: must be 1 or more")
+    if args.cluster is not None and args.latency:
+        raise ConfigError("--latency with --cluster: times on shared workers say nothing; run it on one machine")
+    others = [_named(text, "--against") for text in args.against]
+    latency = _latency(args)
+    dataset = _dataset(args)
+    weights = args.weights or args.config or "compact"
+    store = _store(args, weights, latency, dataset)
+    one_thread = args.jobs > 1 or args.cluster is not None
+    job = Job(Shipped(weights), 1 if one_thread else None, latency)
+    _header(args)
+    ours = run_benchmark(
+        "ClimRT",
+        job,
+        dataset,
+        lambda outcome: _say_outcome(args, outcome),
+        store=store,
+        jobs=args.jobs,
+        cluster=args.cluster,
+    )
+    trackers = [ours, *(_read(name, folder, dataset) for name, folder in others)]
+    return _close(args, dataset, trackers)
+
+
+def score(args: argparse.Namespace) -> int:
+    """Score boxes that are there; a line per sequence for one tracker, per tracker for several."""
+    from dataclasses import replace
+
+    named = [_named(text, "--results") for text in args.results]
+    dataset = _dataset(args)
+    _header(args)
+    trackers = [_read(name, folder, dataset) for name, folder in named]
+    trackers[0] = replace(trackers[0], broken=(*dataset.broken, *trackers[0].broken))
+    if len(trackers) == 1 or args.json:
+        for results in trackers:
+            for outcome in results.outcomes:
+                _say_outcome(args, outcome, results.tracker if len(trackers) > 1 else None)
+    return _close(args, dataset, trackers)
+
+
+def _close(args: argparse.Namespace, dataset: Dataset, trackers: list[Results]) -> int:
+    """Everything after the sequences' lines, the first tracker's mean last; 2 where one could not be scored."""
+    from tqdm import tqdm
+
+    from tracker.eval.report import attribute_lines, late_lines, mean_line
+
+    scored = [results for results in trackers if results.outcomes]
+    if scored and not args.json:
+        for results in scored:
+            print(mean_line(results, as_json=False, named=len(trackers) > 1))
+        for results in scored:
+            print(*late_lines(results), sep="\n", end="\n" if results.outcomes[0].late else "")
+    if scored and args.attributes:
+        print(*attribute_lines(dataset.sequences, scored, as_json=args.json), sep="\n")
+    if scored and args.plots is not None:
+        from tracker.eval.plots import plot_all
+
+        title = Path(args.dataset).resolve().name
+        written = plot_all(Path(args.plots), title, dataset.sequences, scored, attributes=args.attributes)
+        count = sum(1 for _ in tqdm(written, desc="figures", unit="", leave=False))
+        print(f"{count} figures in {args.plots}", file=sys.stderr)
+    if args.json:
+        for results in reversed(scored):
+            print(mean_line(results, as_json=True, named=len(trackers) > 1))
+    broken = [each for results in trackers for each in results.broken]
+    for each in broken:
+        print(f"gcs: {one_line(each.reason)}", file=sys.stderr)
+    return EXIT_USAGE if broken else 0
+
+
+def _dataset(args: argparse.Namespace) -> Dataset:
+    from tracker.eval.datasets import Layout, read_dataset
+
+    kinds = {layout.value: layout for layout in Layout}
+    if args.layout is not None and args.layout not in kinds:
+        raise ConfigError(f"--dataset {args.layout}: none of {', '.join(kinds)}")
+    layout = None if args.layout is None else kinds[args.layout]
+    return read_dataset(Path(args.dataset), layout, None if args.boxes is None else Path(args.boxes))
+
+
+def _latency(args: argparse.Namespace) -> LatencyConfig | None:
+    for option, value in (("--fps", args.fps), ("--slower", args.slower)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise ConfigError(f"{option} {value}: must be above zero")
+    if not args.latency:
+        if args.fps is not None or args.slower != 1:
+            raise ConfigError("--fps and --slower belong to --latency")
+        return None
+    from gcs.pixel_kalman import PixelKalman
+    from tracker.eval.latency import LatencyConfig
+
+    return LatencyConfig(args.fps, args.slower, PixelKalman)
+
+
+def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None, dataset: Dataset) -> Store | None:
+    """Where results are kept, if at all; loads the weights once, so that bad ones are refused before anything runs."""
+    from tracker.eval.datasets import Layout
+    from tracker.eval.store import Store
+    from tracker.weights import DATA, load_tracker, read_manifest
+
+    config = load_tracker(weights).config
+    shipped = DATA / f"{weights}.safetensors"
+    manifest = read_manifest(shipped if not Path(weights).exists() and shipped.is_file() else weights)
+    if args.config is not None and manifest.network.name != args.config:
+        raise ConfigError(f"{weights}: holds the network '{manifest.network.name}', not '{args.config}'")
+    if args.results is None:
+        return None
+    clock = None if latency is None else {"fps": latency.fps, "slower": latency.slower}
+    settings = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
+    return Store(Path(args.results), settings, as_got10k=dataset.layout is Layout.GOT10K)
+
+
+def _read(name: str, folder: Path, dataset: Dataset) -> Results:
+    from tracker.eval.benchmark import Results
+    from tracker.eval.results import read_results
+
+    outcomes, broken = read_results(folder, dataset.sequences)
+    return Results(name, tuple(outcomes), tuple(broken))
+
+
+def _named(text: str, option: str) -> tuple[str, Path]:
+    name, separator, folder = text.partition("=")
+    if not (name and separator and folder):
+        raise ConfigError(f"{option} {text}: must be NAME=DIR")
+    return name, Path(folder)
+
+
+def _header(args: argparse.Namespace) -> None:
+    from tracker.eval.report import HEADER
+
+    if not args.json:
+        print(HEADER)
+
+
+def _say_outcome(args: argparse.Namespace, outcome: Outcome, tracker: str | None = None) -> None:
+    from tqdm import tqdm
+
+    from tracker.eval.report import outcome_line
+
+    tqdm.write(outcome_line(outcome, as_json=args.json, tracker=tracker))  # past the progress bar

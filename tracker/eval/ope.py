@@ -12,6 +12,11 @@ Array = NDArray[np.float64]
 
 SUCCESS_THRESHOLDS = np.linspace(0, 1, 21)  # IoU > t, strictly
 PRECISION_PX = 20.0
+PRECISION_THRESHOLDS_PX = np.arange(51.0)  # centre error <= t
+
+
+class ScoreError(ValueError):
+    """Results that do not belong to the ground truth; one line that says how."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,26 +57,56 @@ def centre_errors_px(a_xywh: Array, b_xywh: Array) -> Array:
     return np.where(np.isnan(b_xywh).any(1), -1.0, np.hypot(gap[:, 0], gap[:, 1]))
 
 
-def score(boxes_xywh: Array, truth_xywh: Array) -> Score:
-    """Score of one sequence. Both (N,4) x, y, w, h px; NaN rows of the truth mean absent.
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Shares of frames: success (21,) over SUCCESS_THRESHOLDS, precision (51,) over PRECISION_THRESHOLDS_PX."""
 
-    The first frame's result is taken as the truth. Raises ValueError when the lengths differ.
+    success: Array
+    precision: Array
+
+
+def prepared(boxes_xywh: Array, truth_xywh: Array) -> tuple[Array, Array]:
+    """Boxes and truth (N,4) as they are compared: first box the truth's, invalid rows filled.
+
+    Raises ScoreError when the lengths differ.
     """
     boxes, truth = fill_invalid(boxes_xywh), np.asarray(truth_xywh, float)
     if boxes.shape != truth.shape:
-        raise ValueError(f"{len(boxes)} result boxes against {len(truth)} rows of ground truth")
+        raise ScoreError(f"{len(boxes)} result boxes against {len(truth)} rows of ground truth")
     boxes[0] = truth[0]
+    return boxes, truth
+
+
+def curves(boxes_xywh: Array, truth_xywh: Array) -> Curves:
+    """Success and precision curves of one sequence over all frames, as the benchmarks plot them."""
+    boxes, truth = prepared(boxes_xywh, truth_xywh)
     iou, error = overlaps(boxes, truth), centre_errors_px(boxes, truth)
+    return Curves(
+        (iou[None, :] > SUCCESS_THRESHOLDS[:, None]).mean(1),
+        (error[None, :] <= PRECISION_THRESHOLDS_PX[:, None]).mean(1),
+    )
+
+
+def mean_curves(each: Iterable[Curves]) -> Curves:
+    """Plain mean over sequences."""
+    rows = list(each)
+    return Curves(np.mean([c.success for c in rows], axis=0), np.mean([c.precision for c in rows], axis=0))
+
+
+def score(boxes_xywh: Array, truth_xywh: Array) -> Score:
+    """Score of one sequence. Both (N,4) x, y, w, h px; NaN rows of the truth mean absent.
+
+    The first frame's result is taken as the truth. Raises ScoreError when the lengths differ.
+    """
+    boxes, truth = prepared(boxes_xywh, truth_xywh)
     there = ~np.isnan(truth).any(1)
-
-    def auc(values: Array) -> float:
-        return float((values[None, :] > SUCCESS_THRESHOLDS[:, None]).mean())
-
+    whole, valid = curves(boxes, truth), curves(boxes[there], truth[there])
+    at = int(PRECISION_PX)
     return Score(
-        auc(iou),
-        float((error <= PRECISION_PX).mean()),
-        auc(iou[there]),
-        float((error[there] <= PRECISION_PX).mean()),
+        float(whole.success.mean()),
+        float(whole.precision[at]),
+        float(valid.success.mean()),
+        float(valid.precision[at]),
     )
 
 

@@ -1,75 +1,88 @@
-"""Run a tracker through sequences and score it."""
+"""Run a tracker through one sequence: one pass, the first box given, the rest its own."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from tracker.box import Box
-from tracker.eval.ope import Score, mean_score, score
-from tracker.eval.sequences import Sequence, load_dataset
-from tracker.online import ClimRTTracker
+from tracker.box import Box, TrackResult
+from tracker.crop import Image
+from tracker.eval.latency import LatencyConfig, LateOutcome, track_late
+from tracker.eval.ope import Score, score
+from tracker.eval.sequences import Sequence
 from tracker.weights import load_tracker
+
+
+class Tracker(Protocol):
+    """What is evaluated: ClimRTTracker, or anything else of its form."""
+
+    def init(self, frame_bgr: Image, box: Box) -> None: ...
+
+    def update(self, frame_bgr: Image) -> TrackResult: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One sequence's boxes (N,4) x,y,w,h px, score, and frames a second of tracking alone."""
+    """One sequence's boxes (N,4) x,y,w,h px, score, frames a second of tracking alone, seconds per frame (N,)."""
 
     name: str
     boxes_xywh: NDArray[np.float64]
     score: Score
     fps: float
+    times_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    late: LateOutcome | None = None
 
 
-def run_sequence(tracker: ClimRTTracker, sequence: Sequence) -> Outcome:
-    """One pass: the first box is given, the rest is the tracker's own."""
-    boxes = []
-    spent_s = 0.0
+@dataclass(frozen=True, slots=True)
+class Shipped:
+    """Makes trackers from weights: a name that ships, or a .safetensors file. Travels to other processes."""
+
+    weights: str
+
+    def __call__(self) -> Tracker:
+        return load_tracker(self.weights)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """How each sequence is run. threads: CPU threads for PyTorch, None leaves them; latency: score that too."""
+
+    make_tracker: Callable[[], Tracker]
+    threads: int | None = None
+    latency: LatencyConfig | None = None
+
+    def run(self, sequence: Sequence, on_frame: Callable[[], object] | None = None) -> Outcome:
+        """One sequence with a tracker of its own, so that none can carry over to the next."""
+        if self.threads is not None:
+            torch.set_num_threads(self.threads)
+        outcome = run_sequence(self.make_tracker(), sequence, on_frame)
+        if self.latency is None:
+            return outcome
+        late = track_late(self.make_tracker, sequence, outcome.boxes_xywh, outcome.times_s, self.latency)
+        return Outcome(outcome.name, outcome.boxes_xywh, outcome.score, outcome.fps, outcome.times_s, late)
+
+
+def run_sequence(tracker: Tracker, sequence: Sequence, on_frame: Callable[[], object] | None = None) -> Outcome:
+    """One pass: the first box is given, the rest is the tracker's own. on_frame is called after each frame."""
+    boxes: list[tuple[float, float, float, float]] = []
+    times_s: list[float] = []
     for i, image in enumerate(sequence.images()):
-        if i == len(sequence.truth_xywh):
-            break
         began = time.perf_counter()
         if i == 0:
-            tracker.init(image, Box.from_xywh(*(float(v) for v in sequence.truth_xywh[0])))
-            boxes.append(tuple(sequence.truth_xywh[0]))
+            first = Box.from_xywh(*(float(v) for v in sequence.truth_xywh[0]))
+            tracker.init(image, first)
+            boxes.append(first.xywh)
         else:
             boxes.append(tracker.update(image).box.xywh)
-            spent_s += time.perf_counter() - began
+        times_s.append(time.perf_counter() - began)
+        if on_frame is not None:
+            on_frame()
     result = np.array(boxes)
-    truth = sequence.truth_xywh[: len(result)]
-    return Outcome(sequence.name, result, score(result, truth), (len(boxes) - 1) / max(spent_s, 1e-9))
-
-
-def bench(
-    dataset: Path, weights: str, say: Callable[[str], None], *, as_json: bool = False, results: Path | None = None
-) -> Score:
-    """Score the weights on every sequence of a folder; a line each, then the mean.
-
-    results: folder for the boxes as text, one file per sequence, x,y,w,h per line.
-    """
-    tracker = load_tracker(weights)
-    outcomes: list[Outcome] = []
-    for sequence in load_dataset(dataset):
-        outcome = run_sequence(tracker, sequence)
-        outcomes.append(outcome)
-        say(_line(outcome.name, outcome.score, outcome.fps, as_json))
-        if results is not None:
-            results.mkdir(parents=True, exist_ok=True)
-            np.savetxt(results / f"{outcome.name}.txt", outcome.boxes_xywh, fmt="%.2f", delimiter=",")
-    mean = mean_score(o.score for o in outcomes)
-    say(_line("mean", mean, float(np.mean([o.fps for o in outcomes])), as_json))
-    return mean
-
-
-def _line(name: str, value: Score, fps: float, as_json: bool) -> str:
-    if as_json:
-        figures = {k: round(v, 4) for k, v in asdict(value).items()}
-        return json.dumps({"sequence": name, **figures, "fps": round(fps, 1)})
-    return f"{name:14s} auc {value.auc:.3f}  precision {value.precision:.3f}  {fps:6.1f} fps"
+    fps = (len(boxes) - 1) / max(sum(times_s[1:]), 1e-9)
+    return Outcome(sequence.name, result, score(result, sequence.truth_xywh), fps, np.array(times_s))
