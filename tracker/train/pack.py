@@ -78,10 +78,6 @@ class Imagery:
         """How many places of the track the template and the search frame may lie apart."""
         return PACK_REACH
 
-    def alike(self, pictures: Sequence[int]) -> bool:
-        """Whether these pictures of one clip have the same size: a pack's clip may come from two sources."""
-        return len({self.pyramids[i][0].shape for i in pictures}) == 1
-
     def outlined(self) -> list[int]:
         """Indices of the things that have a mask or outline, so that they can be cut out."""
         return [i for i, t in enumerate(self.things) if t.outline or t.mask_of >= 0]

@@ -43,10 +43,6 @@ class JoinedImagery(Imagery):
         piece, at = self.tracks.place(track)
         return self._reaches[piece - 1] if piece else self._packs.reach(at)
 
-    def alike(self, pictures: Sequence[int]) -> bool:
-        """As Imagery's; a published set's clip is one video, so that none of its pictures need be read."""
-        return pictures[0] >= len(self._packs) or super().alike(pictures)
-
     def outlined(self) -> list[int]:
         return self.things.each(_outlined)
 

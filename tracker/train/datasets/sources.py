@@ -74,7 +74,8 @@ def load_sources(sources: Iterable[RawSource], data: Path, split: str = "train",
     """Everything that the sources hold for a split ('train' or 'val'): packs in memory, big sets on the disc.
 
     sources: names of packs in the data folder, or mappings as of Source. cache: folder for the big sets' indices
-    (the user's cache folder by default). Raises DatasetError for what is missing or not as published.
+    (the user's cache folder by default). Raises DatasetError for what is missing or not as published, and where
+    there is nothing to train on; nothing may be held out.
     """
     sources = list(sources)
     packs = [data / s for s in sources if isinstance(s, str)]
@@ -89,7 +90,10 @@ def load_sources(sources: Iterable[RawSource], data: Path, split: str = "train",
             index = index_of(source, subset, cache or cache_folder())
             indices.append((source.dataset, index, READERS[source.dataset].REACH))
     found = load(packs, split)
-    return JoinedImagery(found, indices) if indices else found
+    found = JoinedImagery(found, indices) if indices else found
+    if not len(found) and split == "train":
+        raise DatasetError("packs: no picture to train on in them")
+    return found
 
 
 def index_of(source: Source, subset: str, cache: Path) -> Index:
