@@ -45,12 +45,23 @@ def info(args: argparse.Namespace) -> int:
 
 
 def train(args: argparse.Namespace) -> int:
-    """Train; 0 when the schedule is done, 3 when --minutes ran out first."""
+    """Train; 0 when the schedule is done (or probed), 3 when --minutes or an interruption came first."""
     values = _settings(Path(args.settings))
     # Nobody else imports training.
+    from tracker.train.cli import Options
     from tracker.train.cli import train as run
 
-    done = run(values, Path(args.data), Path(args.out), args.minutes, args.resume, print)
+    if args.out is None and not args.probe:
+        raise ConfigError("--out DIR is needed, the folder for checkpoints and weights")
+    options = Options(
+        minutes=args.minutes,
+        resume=args.resume,
+        start_from=args.start_from,
+        devices=args.devices,
+        device=args.device,
+        probe=args.probe,
+    )
+    done = run(values, Path(args.data), Path(args.out or "."), options, print)
     return 0 if done else 3
 
 

@@ -6,16 +6,23 @@ from pathlib import Path
 import pytest
 import torch
 
+from tests.tracker.conftest import TINY
 from tests.tracker.packs import write_pack
-from tracker.configs import COMPACT
-from tracker.train.cli import train
+from tracker.configs import COMPACT, NETWORKS
+from tracker.train.checkpoint import CheckpointError, resume
+from tracker.train.cli import Options, train
 from tracker.train.config import StageKind, TrainConfig, TrainConfigError
+from tracker.train.devices import Team
 from tracker.train.export import export
 from tracker.train.loop import Run
+from tracker.train.schedule import Position
 from tracker.train.siamese import SiameseResponse, response_labels, siamese_loss
 from tracker.weights import load_network, read_manifest
 
+CPU = Team(torch.device("cpu"))
 SHORT = {
+    "network": "tiny",
+    "threads": 1,
     "packs": ["pack"],
     "stages": [
         {"kind": "backbone", "minutes": 1, "steps": 2, "batch": 4},
@@ -25,6 +32,11 @@ SHORT = {
     "validation_samples": 32,
     "warmup_steps": 1,
 }
+
+
+@pytest.fixture(autouse=True)
+def tiny_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(NETWORKS, "tiny", TINY)
 
 
 @pytest.fixture
@@ -38,7 +50,7 @@ def data(tmp_path: Path) -> Path:
 
 def test_a_whole_schedule_leaves_a_checkpoint_a_log_and_the_best(data: Path) -> None:
     lines: list[str] = []
-    assert train(SHORT, data, data / "run", 5.0, False, lines.append)
+    assert train(SHORT, data, data / "run", Options(), lines.append)
     assert (data / "run" / "last.pt").exists()
     assert (data / "run" / "best.pt").exists()
     rows = list(csv.DictReader((data / "run" / "log.csv").open()))
@@ -48,33 +60,33 @@ def test_a_whole_schedule_leaves_a_checkpoint_a_log_and_the_best(data: Path) -> 
 
 def test_out_of_time_stops_and_resume_goes_on(data: Path) -> None:
     said: list[str] = []
-    assert not train(SHORT, data, data / "run", 0.0, False, said.append)  # one step, then the time is up
-    assert train(SHORT, data, data / "run", 5.0, True, said.append)
+    assert not train(SHORT, data, data / "run", Options(minutes=0.0), said.append)  # one step, then the time is up
+    assert train(SHORT, data, data / "run", Options(resume=True), said.append)
     assert any("going on from" in line for line in said)
     steps = len((data / "run" / "log.csv").read_text().splitlines())
-    assert train(SHORT, data, data / "run", 5.0, True, said.append)  # done is done
+    assert train(SHORT, data, data / "run", Options(resume=True), said.append)  # done is done
     assert len((data / "run" / "log.csv").read_text().splitlines()) == steps
 
 
 def test_a_checkpoint_carries_everything(data: Path) -> None:
     config = TrainConfig.from_dict(SHORT)
-    run = Run(config, data / "run", "cpu", lambda _: None)
-    run.samples, run.stage_index, run.stage_step = 77, 1, 5
-    run.optimizer = run._optimizer()
+    run = Run(config, data / "run", CPU, lambda _: None)
+    run.position = Position(stage=1, step=5, samples=77)
+    run.enter_stage()
     run.save("last.pt")
-    other = Run(config, data / "other", "cpu", lambda _: None)
+    other = Run(config, data / "other", CPU, lambda _: None)
     with torch.no_grad():
         other.network.grader.cls2.weight.zero_()
-    other.resume(data / "run" / "last.pt")
-    assert (other.samples, other.stage_index, other.stage_step) == (77, 1, 5)
+    resume(other, data / "run" / "last.pt")
+    assert other.position == run.position
     assert torch.equal(other.network.grader.cls2.weight, run.network.grader.cls2.weight)
 
 
 def test_foreign_checkpoint_is_refused_in_one_line(data: Path) -> None:
     torch.save({"network": {}}, data / "foreign.pt")
-    run = Run(TrainConfig.from_dict(SHORT), data / "run", "cpu", lambda _: None)
-    with pytest.raises(ValueError, match="not a checkpoint of this run"):
-        run.resume(data / "foreign.pt")
+    run = Run(TrainConfig.from_dict(SHORT), data / "run", CPU, lambda _: None)
+    with pytest.raises(CheckpointError, match="not a checkpoint of this run"):
+        resume(run, data / "foreign.pt")
 
 
 @pytest.mark.parametrize(
@@ -118,7 +130,7 @@ def test_response_relates_every_search_to_every_template() -> None:
 
 def test_weights_come_out_with_where_they_come_from(data: Path) -> None:
     (data / "sources.csv").write_text("part,repository,commit,licence,tier,files\ndrawn,ours,1,CC0,A,6\n")
-    assert train(SHORT, data, data / "run", 5.0, False, lambda _: None)
+    assert train(SHORT, data, data / "run", Options(), lambda _: None)
     manifest = read_manifest(data / "run" / "weights.safetensors")
     assert manifest.extra["data"] == [{"part": "drawn", "repository": "ours", "licence": "CC0"}]
     assert manifest.extra["seed"] == 1

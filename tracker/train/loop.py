@@ -1,232 +1,289 @@
-"""The training loop: stages, mixed precision, averaging of weights, checkpoints, validation, curves."""
+"""The training loop: stages, steps, averaging of weights, validation, and leaving in time."""
 
 from __future__ import annotations
 
-import csv
 import json
-import math
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from tracker.configs import NETWORKS
-from tracker.train.compose import Composer, Recipe
-from tracker.train.config import Stage, StageKind, TrainConfig
-from tracker.train.dataset import Batch, batches, collate
-from tracker.train.objective import Objective, initial_network, validate
+from tracker.train import checkpoint, schedule
+from tracker.train.clock import Interruption, Slice
+from tracker.train.config import Schedule, Stage, StageKind, TrainConfig
+from tracker.train.dataset import Batch
+from tracker.train.devices import Team
+from tracker.train.feed import feed
+from tracker.train.journal import Journal
+from tracker.train.objective import Objective, initial_network
 from tracker.train.pack import Imagery
+from tracker.train.progress import Progress, Say, minutes_text
+from tracker.train.schedule import Position
+from tracker.train.sheets import sample_sheet
 from tracker.train.siamese import SiameseResponse
+from tracker.train.validation import Examiner
 
-Say = Callable[[str], None]
-
-
-def stage_parameters(stage: Stage, network: torch.nn.Module, response: torch.nn.Module) -> list[torch.nn.Parameter]:
-    """What the stage may change."""
-    if stage.kind is StageKind.CLIMNET:
-        return list(network.internet.parameters())
-    parts = [network.backbone, response] + ([network.grader] if stage.kind is StageKind.JOINT else [])
-    return [p for part in parts for p in part.parameters()]
+LOG_EVERY_S = 10.0
 
 
-def make_optimizer(stage: Stage, config: TrainConfig, network: Any, response: Any) -> torch.optim.AdamW:
-    """AdamW; no decay on biases, norms and tables of positions."""
-    tables = {id(network.grader.row_embed.weight), id(network.grader.col_embed.weight)}
-    parameters = stage_parameters(stage, network, response)
-    decayed = [p for p in parameters if p.ndim > 1 and id(p) not in tables]
-    plain = [p for p in parameters if p.ndim <= 1 or id(p) in tables]
-    groups = [
-        {"params": decayed, "weight_decay": config.weight_decay},
-        {"params": plain, "weight_decay": 0.0},
-    ]
-    return torch.optim.AdamW(groups, lr=stage.learning_rate, betas=(0.9, 0.98))
+class Learner(nn.Module):
+    """Network and response as one module whose forward pass is the loss: what several processes tie together."""
+
+    def __init__(self, objective: Objective) -> None:
+        super().__init__()
+        self.network, self.response = objective.network, objective.response
+        self._objective = objective
+        self.stage: Stage | None = None
+
+    def forward(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+        """The loss of the stage at hand, and its parts."""
+        return self._objective(self.stage, batch)
 
 
 class Run:
-    """A training run in its folder: last.pt to go on from, best.pt by validation, log.csv, config.json."""
+    """A training run in its folder: last.pt to go on from, best.pt by validation, journal, sheets, config.json."""
 
-    def __init__(self, config: TrainConfig, folder: Path, device: str, say: Say) -> None:
-        self.config, self.folder, self.say = config, folder, say
-        self.device = torch.device(device)
+    def __init__(self, config: TrainConfig, folder: Path, team: Team, say: Say, live: bool = False) -> None:
+        self.config, self.folder, self.team, self.device = config, folder, team, team.device
+        self.progress = Progress(say if team.leads else _silence, live and team.leads)
         torch.set_num_threads(config.threads)
         torch.set_flush_denormal(True)  # vanishing gradients must not slow every step down
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "config.json").write_text(json.dumps(config.to_dict(), indent=1))
-        self.network = initial_network(NETWORKS[config.network], config.seed).to(self.device)
+        self.network = initial_network(NETWORKS[config.network], config.seed)
+        self.average = deepcopy(self.network).to(self.device).eval()
+        self.network = team.prepare(self.network).to(self.device)
         for part in (self.network.backbone, self.network.grader):  # ClimNet's 3-D weights have no such layout
             part.to(memory_format=torch.channels_last)
         self.response = SiameseResponse(self.network.config.backbone_channels[3:]).to(self.device)
-        self.average = deepcopy(self.network).eval()
         self.objective = Objective(config, self.network, self.response, self.device)
-        self.stage_index, self.stage_step, self.stage_s, self.samples = 0, 0, 0.0, 0
-        self.best = -math.inf
-        self.optimizer = self._optimizer()
+        self.learner = Learner(self.objective)
+        self.position = Position()
+        self._interruption = Interruption()
+        self.interrupted = False
+        self.enter_stage()
+        if team.leads:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "config.json").write_text(json.dumps(config.to_dict(), indent=1))
+            self.journal = Journal(folder, config.tensorboard)
 
-    def _optimizer(self) -> torch.optim.AdamW:
-        return make_optimizer(
-            self.config.stages[min(self.stage_index, len(self.config.stages) - 1)],
-            self.config,
-            self.network,
-            self.response,
-        )
+    # -- stages --------------------------------------------------------------------------------------
 
-    # -- keeping -------------------------------------------------------------------------------------
+    @property
+    def stage(self) -> Stage:
+        """The stage at hand (the last one when all are done)."""
+        return self.config.stages[min(self.position.stage, len(self.config.stages) - 1)]
 
-    def save(self, name: str) -> None:
-        """Everything needed to go on, written whole or not at all."""
-        state = {
-            "network": self.network.state_dict(),
-            "average": self.average.state_dict(),
-            "response": self.response.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "position": [self.stage_index, self.stage_step, self.stage_s, self.samples, self.best],
-            "rng": torch.get_rng_state(),
-            "config": json.dumps(self.config.to_dict()),
-        }
-        torch.save(state, self.folder / f"{name}.part")
-        (self.folder / f"{name}.part").replace(self.folder / name)
+    def enter_stage(self) -> None:
+        """Make ready for the stage at hand: optimizer, what learns, the ties between processes."""
+        self.optimizer = schedule.make_optimizer(self.stage, self.config, self.network, self.response)
+        self.plateau = schedule.make_plateau(self.optimizer)
+        self._thawed = self._backbone_learns()
+        self._tie()
 
-    def resume(self, path: Path) -> None:
-        """Go on from a checkpoint of the same network; raises ValueError where it does not fit."""
-        state = torch.load(path, weights_only=True, map_location=self.device)
-        try:
-            self.network.load_state_dict(state["network"])
-            self.average.load_state_dict(state["average"])
-            self.response.load_state_dict(state["response"])
-            index, self.stage_step, self.stage_s, self.samples, self.best = state["position"]
-            self.stage_index = int(index)
-            self.optimizer = self._optimizer()
-            self.optimizer.load_state_dict(state["optimizer"])
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise ValueError(f"{path}: not a checkpoint of this run ({str(error).splitlines()[0]})") from error
-        torch.set_rng_state(state["rng"].cpu())
+    def _tie(self) -> None:
+        schedule.set_modes(self.stage, self.network, self.response, self._thawed)
+        self.learner.stage = self.stage
+        self._forward = self.team.wrap(self.learner)
+
+    def _backbone_learns(self) -> bool:
+        return self.position.epoch(self.stage, self.config) >= self.stage.frozen_epochs
+
+    def next_stage(self) -> None:
+        """Leave the stage; the next one begins with the averaged weights, the best tracker's ahead of ClimNet."""
+        position, before = self.position, self.stage.kind
+        position.enter(position.stage + 1)
+        if position.stage >= len(self.config.stages):
+            return
+        after = self.stage.kind
+        best = self.folder / "best.pt"
+        if after is StageKind.CLIMNET and before in (StageKind.HEADS, StageKind.JOINT):
+            found = self.team.share(checkpoint.read(best)["average"] if self.team.leads and best.exists() else None)
+            if found is not None:
+                self.average.load_state_dict(found)
+        if {before, after} != {StageKind.HEADS, StageKind.JOINT} and before is not after:
+            position.best = float("-inf")  # measured by other figures from now on
+            if self.team.leads and best.exists():
+                best.replace(self.folder / f"best_{before.value}.pt")
+        self.network.load_state_dict(self.average.state_dict())
+        self.enter_stage()
+
+    def done(self) -> float:
+        """Share of the stage done, 0..1."""
+        return self.position.done(self.stage, self.config)
+
+    def rate(self) -> float:
+        """The learning rate of the next step."""
+        return schedule.rate(self.stage, self.config, self.position, self.optimizer)
 
     # -- learning ------------------------------------------------------------------------------------
 
-    def progress(self, stage: Stage) -> float:
-        """Share of the stage done, 0..1: by steps where the stage names them, else by training time."""
-        return self.stage_step / stage.steps if stage.steps else self.stage_s / (stage.minutes * 60)
-
-    def rate(self, stage: Stage) -> float:
-        """Warm-up, then half a cosine down to a hundredth."""
-        warm = min(1.0, (self.stage_step + 1) / self.config.warmup_steps)
-        cosine = 0.5 * (1 + math.cos(math.pi * min(1.0, self.progress(stage))))
-        return stage.learning_rate * warm * (0.01 + 0.99 * cosine)
-
-    def step(self, stage: Stage, batch: Batch) -> dict[str, float]:
-        """One optimizer step; a step whose loss is not finite is left out."""
-        self._set_modes(stage)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.rate(stage)
-        self.optimizer.zero_grad(set_to_none=True)
-        loss, parts = self.objective(stage, batch)
-        if not torch.isfinite(loss):
-            return parts
-        loss.backward()
-        parameters = [p for g in self.optimizer.param_groups for p in g["params"]]
-        torch.nn.utils.clip_grad_norm_(parameters, self.config.gradient_clip)
-        self.optimizer.step()
-        self._average()
+    def step(self, batch: Batch) -> dict[str, float]:
+        """One optimizer step; returns the losses."""
+        loss, parts = self.loss(batch)
+        self.team.backward(loss)
+        self.descend()
         return parts
 
-    def _set_modes(self, stage: Stage) -> None:
-        self.network.train()
-        for i in range(1, 6):
-            layer = getattr(self.network.backbone, f"layer{i}")
-            frozen = i <= stage.frozen_layers
-            layer.requires_grad_(not frozen)
-            layer.train(not frozen)
+    def loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+        """The loss to descend, and its parts."""
+        if not self._thawed and self._backbone_learns():
+            self._thawed = True
+            self._tie()
+        return self._forward(batch)
+
+    def descend(self) -> None:
+        """Use the gradients; one that is not finite is left out, in all processes alike."""
+        rate = self.rate()
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate * group.get("factor", 1.0)
+        parameters = [p for g in self.optimizer.param_groups for p in g["params"]]
+        if torch.isfinite(nn.utils.clip_grad_norm_(parameters, self.config.gradient_clip)):
+            self.optimizer.step()
+            self._average()
+        self.optimizer.zero_grad(set_to_none=True)
 
     @torch.no_grad()
     def _average(self) -> None:
-        decay = min(self.config.ema_decay, (1 + self.stage_step) / (10 + self.stage_step))
-        for mean, now in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if mean.is_floating_point():
-                mean.lerp_(now, 1 - decay)
-            else:
-                mean.copy_(now)
+        """Move the averaged weights towards the learning ones; what keeps still keeps its average."""
+        step = self.position.step
+        decay = min(self.config.ema_decay, (1 + step) / (10 + step))
+        learning = schedule.learning_parts(self.stage, self.network, self.response)
+        parts = tuple(f"{name}." for name, part in self.network.named_children() if part in learning)
+        means, now = self.average.state_dict(), self.network.state_dict()
+        names = [k for k in means if k.startswith(parts)]
+        whole = [k for k in names if not means[k].is_floating_point()]
+        real = [k for k in names if means[k].is_floating_point()]
+        get_ema_multi_avg_fn(decay)([means[k] for k in real], [now[k] for k in real], None)
+        for k in whole:
+            means[k].copy_(now[k])
 
-    def train(self, imagery: Imagery, held_out: Imagery, minutes: float) -> bool:
-        """Train for at most `minutes`; True when the whole schedule is done."""
-        exam = exam_batches(held_out, self.config)
-        deadline = time.monotonic() + minutes * 60
-        while self.stage_index < len(self.config.stages):
-            stage = self.config.stages[self.stage_index]
-            if not self._run_stage(stage, imagery, exam, deadline):
-                return False
-            self.stage_index, self.stage_step, self.stage_s = self.stage_index + 1, 0, 0.0
-            if self.stage_index < len(self.config.stages):
-                self.optimizer = self._optimizer()
-            self.save("last.pt")
+    def train(self, imagery: Imagery, held_out: Imagery | None, slice_: Slice) -> bool:
+        """Go on with the schedule until it is done (True), the slice is over, or somebody interrupts.
+
+        held_out: to examine the leader on; None in the other processes.
+        """
+        examiner = Examiner(held_out, self.config) if self.team.leads else None
+        try:
+            with self._interruption:
+                while self.position.stage < len(self.config.stages):
+                    if not self._run_stage(self._feed(imagery), examiner, slice_):
+                        self.save("last.pt", slice_)
+                        return False
+                    self.next_stage()
+                    self.save("last.pt", slice_)
+        finally:
+            self.progress.close()
         return True
 
-    def _run_stage(self, stage: Stage, imagery: Imagery, exam: list[Batch], deadline: float) -> bool:
-        seed = self.config.seed * 1000 + self.stage_index * 100 + self.samples % 97
-        middle = stage.kind is StageKind.CLIMNET
-        source = batches(imagery, self._recipe(), stage.batch, seed, self.config.workers, middle)
-        saved = checked = time.monotonic()
-        while self.progress(stage) < 1:
-            began = time.monotonic()
+    def _feed(self, imagery: Imagery) -> Iterator[Batch]:
+        """The stage's batches; every process, stage and resume draws its own."""
+        position = self.position
+        entropy = (self.config.seed, position.stage, position.samples, self.team.rank)
+        seed = int(np.random.SeedSequence(entropy).generate_state(1)[0])
+        return feed(self.stage, self.config, imagery, self.device, seed)
+
+    def _run_stage(self, source: Iterator[Batch], examiner: Examiner | None, slice_: Slice) -> bool:
+        """Steps until the stage is done (True) or the leader's slice is over or somebody was interrupted."""
+        self.progress.reset()
+        now = saved = checked = logged = self._agreed_s()
+        while self.done() < 1:
+            before = now
             batch = next(source)
-            waited = time.monotonic() - began
-            parts = self.step(stage, batch)
-            now = time.monotonic()
-            self.stage_step += 1
-            self.samples += stage.batch
-            self.stage_s += now - began
-            if self.stage_step % 50 == 0:
-                self._report(stage, parts, now - began, waited)
-            if now - checked > self.config.validate_minutes * 60:
-                self._examine(stage, exam)
-                checked = time.monotonic()
-            if now - saved > self.config.checkpoint_minutes * 60:
-                self.save("last.pt")
-                saved = time.monotonic()
-            if now > deadline:
-                self.save("last.pt")
+            waited_s = time.monotonic() - before
+            if not self.position.step and self.team.leads:
+                sample_sheet(batch, self.folder / f"samples_{self.position.stage + 1}_{self.stage.kind.value}.png")
+            parts = self.step(batch)
+            leave = self._interruption.stop or (self.team.leads and slice_.over(time.monotonic()))
+            now, leave = self.team.agree(time.monotonic(), leave)
+            drawn = self.stage.batch * self.team.size
+            self.position.count(drawn, now - before)
+            self.progress.note(parts, drawn, waited_s)
+            slice_.step_s = max(0.9 * slice_.step_s, now - before)
+            if now - logged > LOG_EVERY_S:
+                self._log()
+                logged = now
+            if self.progress.due(now):
+                self.progress.show(self._line(now), now)
+            if leave:
+                self.interrupted = not slice_.over(now)
                 return False
-        self._examine(stage, exam)
+            due = now - checked > self.config.validate_minutes * 60
+            if due or now - saved > self.config.checkpoint_minutes * 60:
+                self.save("last.pt", slice_)  # before validation: nothing is lost if the time is cut there
+                saved = now
+                if due:
+                    self._examine(examiner, slice_)
+                    checked = now
+                now = self._agreed_s()
+        self.progress.show(self._line(now), now)
+        self._log()
+        self._examine(examiner, slice_)
         return True
 
-    def _recipe(self) -> Recipe:
-        return Recipe(**self.config.recipe)
+    def _agreed_s(self) -> float:
+        return self.team.agree(time.monotonic(), False)[0]
 
-    def _report(self, stage: Stage, parts: dict[str, float], step_s: float, waited_s: float) -> None:
-        left = (1 - self.progress(stage)) * (self.stage_s / max(self.progress(stage), 1e-6)) / 60
-        figures = "  ".join(f"{k} {v:.3f}" for k, v in parts.items())
-        speed = stage.batch / step_s
-        self.say(
-            f"{stage.kind.value} {self.progress(stage):6.1%}  step {self.stage_step}  {figures}  "
-            f"{speed:.0f} samples/s (waiting {waited_s / step_s:.0%})  {left:.0f} min left"
-        )
-        self._log({"stage": stage.kind.value, "samples": self.samples, "lr": self.rate(stage), **parts})
+    # -- keeping and saying --------------------------------------------------------------------------
 
-    def _examine(self, stage: Stage, exam: list[Batch]) -> None:
-        if stage.kind is not StageKind.JOINT:
+    def save(self, name: str, slice_: Slice | None = None) -> None:
+        """Write a checkpoint, in the leader."""
+        if not self.team.leads:
             return
-        figures = validate(self.average, exam, self.device)
-        self.say("validation  " + "  ".join(f"{k} {v:.3f}" for k, v in figures.items()))
-        self._log({"stage": "validation", "samples": self.samples, **figures})
-        if figures["mean_iou"] > self.best:
-            self.best = figures["mean_iou"]
-            self.save("best.pt")
+        began = time.monotonic()
+        checkpoint.save(self, self.folder / name)
+        if slice_ is not None:
+            slice_.save_s = time.monotonic() - began
 
-    def _log(self, row: dict[str, Any]) -> None:
-        columns = ["time", "stage", "samples", "lr", "siamese", "loc", "cls1", "cls2", "l1", "psnr_db"]
-        columns += ["hit_rate", "mean_iou"]
-        path = self.folder / "log.csv"
-        new = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, columns)
-            if new:
-                writer.writeheader()
-            writer.writerow({"time": f"{time.time():.1f}", **row})
+    def _examine(self, examiner: Examiner | None, slice_: Slice) -> None:
+        """Figures on held-out clips, if there is time; the best checkpoint is kept, and the plateau told."""
+        score = self.team.share(self._score(examiner, slice_) if examiner else None)
+        if score is None:
+            return
+        if self.stage.schedule is Schedule.PLATEAU:
+            self.plateau.step(score)
+        if score > self.position.best:
+            self.position.best = score
+            self.save("best.pt", slice_)
+
+    def _score(self, examiner: Examiner, slice_: Slice) -> float | None:
+        began = time.monotonic()
+        if not slice_.holds_examination(began):
+            return None
+        figures = examiner.examine(self.average, self.stage.kind, self.device)
+        slice_.examination_s = time.monotonic() - began
+        if not figures:
+            return None
+        self.progress.say("validation  " + "  ".join(f"{k} {v:.3f}" for k, v in figures.items()))
+        self.journal.log(self.position.samples, "validation", figures)
+        self.journal.draw()
+        return examiner.score(figures, self.stage.kind)
+
+    def _log(self) -> None:
+        if self.team.leads:
+            figures = {"lr": self.rate(), **self.progress.losses.means}
+            self.journal.log(self.position.samples, self.stage.kind.value, figures)
+
+    def _line(self, now_s: float) -> str:
+        """Where the run is, how fast it goes, and how long it will take."""
+        window, kind = self.progress.window, self.stage.kind.value
+        stage_s = (1 - self.done()) * self.position.seconds / max(self.done(), 1e-6)
+        speed = window.speed(now_s)
+        all_s = stage_s + sum(self._length_s(s, speed) for s in self.config.stages[self.position.stage + 1 :])
+        return (
+            f"{kind} {self.done():6.1%}  {self.progress.losses.text()}  {speed:.0f} samples/s "
+            f"(waiting {window.waiting(now_s):.0%})  {minutes_text(stage_s)} left, {minutes_text(all_s)} in all"
+        )
+
+    def _length_s(self, stage: Stage, speed: float) -> float:
+        """How long a stage to come will take, at today's speed where its length is not a time."""
+        drawn = stage.epochs * self.config.epoch_samples or stage.steps * stage.batch * self.team.size
+        return drawn / speed if drawn and speed else stage.minutes * 60
 
 
-def exam_batches(held_out: Imagery, config: TrainConfig) -> list[Batch]:
-    """The same held-out samples every time."""
-    composer = Composer(held_out, 20_000 + config.seed, Recipe(**config.recipe))
-    return [collate(composer, 32) for _ in range(max(1, config.validation_samples // 32))]
+def _silence(_line: str) -> None:
+    """Only the leader speaks."""

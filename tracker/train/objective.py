@@ -10,9 +10,11 @@ from torch.nn import functional
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from tracker.configs import NetworkConfig
+from tracker.network.climnet import STRIDE as CLIMNET_STRIDE
 from tracker.network.climrt import ClimRT
 from tracker.train.config import Stage, StageKind, TrainConfig
 from tracker.train.dataset import Batch
+from tracker.train.devices import in_bf16
 from tracker.train.losses import CLS_WEIGHT, LOC_WEIGHT, decode_corners, loc_loss
 from tracker.train.siamese import SiameseResponse, siamese_loss
 
@@ -60,21 +62,34 @@ class Objective:
 
     def __init__(self, config: TrainConfig, network: ClimRT, response: SiameseResponse, device: torch.device) -> None:
         self.config, self.network, self.response, self.device = config, network, response, device
+        self.bf16 = in_bf16(config.precision, device)
         self._dice = random.Random(config.seed)
+
+    @property
+    def dice_state(self) -> tuple:
+        """State of the draws between kinds of latent frames, for checkpoints."""
+        return self._dice.getstate()
+
+    @dice_state.setter
+    def dice_state(self, state: tuple) -> None:
+        self._dice.setstate(state)
 
     def __call__(self, stage: Stage, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """The loss to descend and its parts, for a batch of tracker.train.dataset."""
         if stage.kind is StageKind.CLIMNET:
-            return self._climnet(batch)
+            return self._climnet(batch, stage.patch_px)
         network = self.network
         box, positive = batch["box"].to(self.device), batch["positive"].to(self.device).float()
-        with torch.autocast(self.device.type, torch.bfloat16), sdpa_kernel(SDPBackend.MATH):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16), sdpa_kernel(SDPBackend.MATH):
             zf = network.template(to_input(batch["template"], self.device))
             xf = network.features(to_input(batch["search"], self.device))
-            responses = self.response(xf[-2:], zf[-2:])
-            if stage.kind is StageKind.JOINT:
+            if stage.kind is not StageKind.HEADS:  # a backbone that keeps still has nothing to learn from it
+                responses = self.response(xf[-2:], zf[-2:])
+            if stage.kind is not StageKind.BACKBONE:
                 predictions = network.heads(xf, zf, self._latent(stage, batch, xf))
-        auxiliary = siamese_loss(responses, box, positive, self.config.cross_negative_weight)
+        auxiliary = torch.zeros((), device=self.device)
+        if stage.kind is not StageKind.HEADS:
+            auxiliary = siamese_loss(responses, box, positive, self.config.cross_negative_weight)
         if stage.kind is StageKind.BACKBONE:
             return auxiliary, {"siamese": auxiliary.item()}
         target = {k: batch[f"label_{k}"].to(self.device) for k in ("cls1", "loc", "cls2", "loc_weight")}
@@ -97,15 +112,26 @@ class Objective:
             module.training = training
         return latent
 
-    def _climnet(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
-        pad = (0, 1, 0, 1)
-        frames = [functional.pad(to_input(batch[k], self.device), pad) / 255 for k in ("previous", "search", "middle")]
-        with torch.autocast(self.device.type, torch.bfloat16):
-            latent = self.network.internet(frames[0], frames[1])
-        error = latent.float()[..., :287, :287] - frames[2][..., :287, :287]
+    def _climnet(self, batch: Batch, patch_px: int = 0) -> tuple[Tensor, dict[str, float]]:
+        """Mean absolute error of the drawn middle frame, on random crops of patch_px (0: the whole patches)."""
+        frames = [to_input(f, self.device) / 255 for f in self._cropped(batch, patch_px)]
+        height, width = frames[0].shape[2:]
+        pad = (0, -width % CLIMNET_STRIDE, 0, -height % CLIMNET_STRIDE)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16):
+            latent = self.network.internet(functional.pad(frames[0], pad), functional.pad(frames[1], pad))
+        error = latent.float()[..., :height, :width] - frames[2]
         loss = error.abs().mean()
         psnr = -10 * torch.log10(error.square().mean((1, 2, 3)).clamp(min=1e-9)).mean()
         return loss, {"l1": loss.item(), "psnr_db": psnr.item()}
+
+    def _cropped(self, batch: Batch, patch_px: int) -> list[Tensor]:
+        """previous, search and middle, cut alike where they are larger than asked for."""
+        frames = [batch[k] for k in ("previous", "search", "middle")]
+        height, width = frames[0].shape[1:3]
+        if not patch_px or patch_px >= min(height, width):
+            return frames
+        top, left = self._dice.randint(0, height - patch_px), self._dice.randint(0, width - patch_px)
+        return [f[:, top : top + patch_px, left : left + patch_px] for f in frames]
 
 
 @torch.no_grad()
