@@ -69,7 +69,14 @@ def test_batches_are_as_those_of_the_worker_processes(drawn: Imagery) -> None:
     reference = collate(Composer(drawn, 1, middle=True), 3)
     assert {k: (v.shape, v.dtype) for k, v in batch.items()} == {k: (v.shape, v.dtype) for k, v in reference.items()}
     assert all(v.is_contiguous() for v in batch.values())
-    assert "middle" not in next(gpu_batches(GpuComposer(drawn, "cpu", 1), 1))
+
+
+def test_batches_composed_together_are_cut_apart(drawn: Imagery) -> None:
+    source = gpu_batches(GpuComposer(drawn, "cpu", 1), 2, together=3)
+    first, second = next(source), next(source)
+    whole = GpuComposer(drawn, "cpu", 1).batch(4)
+    assert whole.keys() == first.keys()
+    assert all(torch.equal(torch.cat([first[k], second[k]]), whole[k]) for k in whole)
 
 
 def test_same_seed_same_batch(drawn: Imagery) -> None:

@@ -25,6 +25,8 @@ from tracker.train.gpu_render import Ground, Sprites
 from tracker.train.gpu_things import tables
 from tracker.train.pack import Imagery
 
+TOGETHER = 128  # samples: one batch costs the host some 2,500 calls, whatever its size
+
 
 class View(NamedTuple):
     """How the template and the frames are seen alike: turn (B,) radians, mirrored or not (B,)."""
@@ -254,8 +256,18 @@ class GpuComposer:
         yield sprites, [still.moved(dx[rows], dy[rows]) for dx, dy in plan.shift]
 
 
-def gpu_batches(composer: GpuComposer, size: int, middle: bool = False) -> Iterator[Batch]:
-    """Endless batches; on CUDA the next one is made on a stream of its own while the last one trains."""
+def gpu_batches(composer: GpuComposer, size: int, middle: bool = False, together: int = TOGETHER) -> Iterator[Batch]:
+    """Endless batches, several composed at once so that at least `together` samples share the calls.
+
+    On CUDA the next ones are made on a stream of their own while the last ones train.
+    """
+    parts = max(1, -(-together // size))
+    for batch in _ahead(composer, size * parts, middle):
+        for i in range(parts):
+            yield {k: v[i * size : (i + 1) * size] for k, v in batch.items()}
+
+
+def _ahead(composer: GpuComposer, size: int, middle: bool) -> Iterator[Batch]:
     if composer.device.type != "cuda":
         while True:
             yield composer.batch(size, middle)

@@ -18,7 +18,7 @@ GREY_FRAC, FOG_FRAC, BLUR_FRAC, NOISE_FRAC, CODEC_FRAC = 0.12, 0.1, 0.2, 0.4, 0.
 def look(dice: Dice, recipe: Recipe, template: Tensor, moment: Tensor, pan: Tensor) -> tuple[Tensor, Tensor]:
     """template (B,3,127,127) and moment (B,F,3,287,287) as a camera gives them, 0..1.
 
-    pan (B,2): the ground's shift from frame to frame, px; blur lies along it.
+    pan (B,2): the ground's shift from frame to frame, px; blur lies along it. Both are written over.
     """
     size = len(template)
     rows = dice.some(recipe.coarse_frac, size)
@@ -67,11 +67,11 @@ def _on(batch: Tensor, rows: Tensor, change: Callable[[Tensor], Tensor]) -> Tens
     if not len(rows):
         return batch
     some = batch[rows]
-    return batch.index_copy(0, rows, change(some.flatten(0, -4)).reshape(some.shape))
+    return batch.index_copy_(0, rows, change(some.flatten(0, -4)).reshape(some.shape))
 
 
 def _noisy(dice: Dice, patches: Tensor) -> Tensor:
     rows = dice.some(NOISE_FRAC, len(patches))
     sigma = dice.uniform(1, 9, len(rows), 1, 1, 1) / 255
     noise = dice.normal(1, len(rows), *patches.shape[1:]) * sigma
-    return patches.index_add(0, rows, noise).clamp_(0, 1)
+    return patches.index_add_(0, rows, noise).clamp_(0, 1)

@@ -82,17 +82,17 @@ class Sprites:
         return cls(rows, torch.cat([colour * alpha, alpha], 1), things.corner[thing], things.shrink[thing], bend)
 
     def paste(self, patches: Tensor, poses: Poses) -> Tensor:
-        """The patches (B,3,size,size) with the objects over them; poses (N,) place the middles of their boxes."""
+        """Draw over the patches (B,3,size,size), in place; poses (N,) place the middles of the objects' boxes."""
         x, y = poses.sources(patches.shape[-1])
         if self.bend is not None:
             rows, waves = self.bend
             dx, dy = waves.offset(x[rows], y[rows])
-            x, y = x.index_add(0, rows, dx), y.index_add(0, rows, dy)
+            x, y = x.index_add_(0, rows, dx), y.index_add_(0, rows, dy)
         u, v = (
             (s + (self.corner[:, i] + 0.5).view(-1, 1, 1)) * self.shrink[:, i].view(-1, 1, 1) - 0.5
             for i, s in enumerate((x, y))
         )
         layer = look_up(self.window, u, v, "zeros")
         below = patches if self.rows is None else patches[self.rows]
-        blend = below * (1 - layer[:, 3:]) + layer[:, :3]
-        return blend if self.rows is None else patches.index_copy(0, self.rows, blend)
+        blend = torch.addcmul(below + layer[:, :3], below, layer[:, 3:], value=-1)
+        return blend if self.rows is None else patches.index_copy_(0, self.rows, blend)
