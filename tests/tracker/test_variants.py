@@ -12,6 +12,7 @@ from tests.tracker.conftest import TINY, random_network
 from tests.tracker.test_network import patches
 from tracker.box import Box
 from tracker.configs import COMPACT, FULL, ConfigError, LatentProvider, NetworkConfig, TrackerConfig, Variant
+from tracker.network.climnet import TemporalConv
 from tracker.network.climrt import ClimRT
 from tracker.network.cost import cost
 from tracker.network.folded import FoldedClimNet
@@ -152,3 +153,21 @@ def test_unusable_variants_are_refused() -> None:
         replace(COMPACT, variant=Variant.HIFT)
     with pytest.raises(ConfigError, match="gigantic"):
         NetworkConfig.from_dict(COMPACT.to_dict() | {"variant": "gigantic"})
+
+
+def test_temporal_convolution_is_pytorchs() -> None:
+    torch.manual_seed(0)
+    conv = TemporalConv(5, 3)
+    x = torch.rand(2, 5, 2, 7, 6)
+    wanted = torch.nn.functional.conv3d(x, conv.weight, padding=(1, 0, 0))
+    torch.testing.assert_close(conv(x), wanted, rtol=0, atol=1e-6)
+
+
+def test_temporal_convolution_learns_in_bf16() -> None:
+    """At this size PyTorch's own takes the whole process down on CPUs that compute in bf16."""
+    conv = TemporalConv(36, 16)
+    with torch.autocast("cpu", torch.bfloat16):
+        out = conv(torch.rand(8, 36, 2, 96, 96, requires_grad=True))
+    out.float().square().mean().backward()
+    assert conv.weight.grad is not None
+    assert conv.weight.grad.abs().sum() > 0
