@@ -39,11 +39,11 @@ def run_benchmark(
     """
     done: dict[str, Outcome] = {}
     broken = list(dataset.broken)
-    for sequence in dataset.sequences if store is not None else ():
-        outcome = store.finished(sequence) if store is not None else None
-        if outcome is not None:
-            done[outcome.name] = outcome
-            say(outcome)
+    for sequence in dataset.sequences:
+        earlier = store.finished(sequence) if store is not None else None
+        if earlier is not None:
+            done[earlier.name] = earlier
+            say(earlier)
     left = tuple(s for s in dataset.sequences if s.name not in done)
     with tqdm(total=sum(map(len, left)), unit="frame", leave=False, disable=not left) as bar:
         for outcome in _run(job, left, jobs, cluster, bar.update):

@@ -34,10 +34,9 @@ def run_cluster(job: Job, sequences: Sequences, address: str, done: Report) -> I
         # pure=False: the same weights path may hold other weights than in an earlier run.
         waiting = {client.submit(attempt, job, s, pure=False): s for s in longest_first(sequences)}
         try:
-            for future in as_completed(waiting):
-                error = future.exception()
-                name = waiting[future].name
-                yield future.result() if error is None else Broken(name, f"{name}: {error or type(error).__name__}")
+            for future in as_completed(waiting, loop=client.loop):
+                fault, name = future.exception(), waiting[future].name
+                yield future.result() if fault is None else Broken(name, f"{name}: {type(fault).__name__}: {fault}")
                 done(len(waiting[future]))
         finally:
             client.cancel(list(waiting))

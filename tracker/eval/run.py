@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tracker.box import Box, TrackResult
@@ -16,7 +15,6 @@ from tracker.crop import Image
 from tracker.eval.latency import LatencyConfig, LateOutcome, track_late
 from tracker.eval.ope import Score, score
 from tracker.eval.sequences import Sequence
-from tracker.weights import load_tracker
 
 
 class Tracker(Protocol):
@@ -46,6 +44,8 @@ class Shipped:
     weights: str
 
     def __call__(self) -> Tracker:
+        from tracker.weights import load_tracker  # here: who only scores boxes waits for no PyTorch
+
         return load_tracker(self.weights)
 
 
@@ -60,6 +60,8 @@ class Job:
     def run(self, sequence: Sequence, on_frame: Callable[[], object] | None = None) -> Outcome:
         """One sequence with a tracker of its own, so that none can carry over to the next."""
         if self.threads is not None:
+            import torch
+
             torch.set_num_threads(self.threads)
         outcome = run_sequence(self.make_tracker(), sequence, on_frame)
         if self.latency is None:
