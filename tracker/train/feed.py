@@ -43,17 +43,17 @@ def composes_on_gpu(config: TrainConfig, imagery: Imagery, device: torch.device)
 
 
 def _from_gpu(stage: Stage, config: TrainConfig, imagery: Imagery, device: torch.device, seed: int) -> Iterator[Batch]:
-    from tracker.train.gpu_compose import GpuComposer  # pictures go to the GPU's memory when it is made
+    from tracker.train.gpu_compose import GpuComposer, gpu_batches  # pictures go to the GPU's memory when it is made
 
     recipe = config.recipe_of(stage)
     composer = GpuComposer(imagery, device, seed, recipe)
     if stage.kind is not StageKind.CLIMNET:
-        while True:
-            yield composer.batch(stage.batch)
+        yield from gpu_batches(composer, stage.batch)
     # Real triplets are cut by worker processes: whole batches of them take their turn.
     real_frac = stage.real_frac if video_clips(imagery) else 0.0
     workers, side = config.workers, stage.patch_px
     real = triplet_batches(imagery, recipe, stage.batch, seed, workers, patch_px=side, real_frac=1.0, pin=True)
+    composed = gpu_batches(composer, stage.batch, middle=True)
     rng = np.random.default_rng(seed)
     while True:
-        yield next(real) if rng.random() < real_frac else composer.batch(stage.batch, middle=True)
+        yield next(real) if rng.random() < real_frac else next(composed)

@@ -256,11 +256,14 @@ class GpuComposer:
         yield sprites, [still.moved(dx[rows], dy[rows]) for dx, dy in plan.shift]
 
 
-def gpu_batches(composer: GpuComposer, size: int, middle: bool = False, together: int = TOGETHER) -> Iterator[Batch]:
+def gpu_batches(composer: GpuComposer, size: int, middle: bool = False, together: int | None = None) -> Iterator[Batch]:
     """Endless batches, several composed at once so that at least `together` samples share the calls.
 
-    On CUDA the next ones are made on a stream of their own while the last ones train.
+    On CUDA (where None means 128, elsewhere 1) the next ones are made on a stream of their own while the last ones
+    train.
     """
+    if together is None:
+        together = TOGETHER if composer.device.type == "cuda" else 1
     parts = max(1, -(-together // size))
     for batch in _ahead(composer, size * parts, middle):
         for i in range(parts):
