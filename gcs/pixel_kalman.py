@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 # In sides of the box, so that near and far targets are alike.
 MEASUREMENT_STD = 0.05
-ACCELERATION_PS2 = 3.0
+ACCELERATION_PS2 = 30.0  # a moving camera too; 10 to 100 are alike on real sequences
 RATE_STD_PS = 1.0
 LOG_SIZE_STD = 0.05
 LOG_SIZE_ACCELERATION_PS2 = 0.3
