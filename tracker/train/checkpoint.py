@@ -76,12 +76,12 @@ def resume(run: Run, path: Path) -> None:
 def start_from(run: Run, source: str) -> str:
     """Begin a new schedule with the weights of a checkpoint (.pt, its averaged ones), weights file or shipped name.
 
-    Returns a line that says which parts fitted; what did not keeps its fresh values. Raises CheckpointError where
-    nothing fits, WeightsError for a broken weights file.
+    Returns a line that says which parts fitted; a part most of which does not keeps its fresh values. Raises
+    CheckpointError where none fits, WeightsError for a broken weights file.
     """
     weights, response, samples = run.team.share(_source(source) if run.team.leads else None)
     own = run.network.state_dict()
-    fitting = {k: v for k, v in weights.items() if k in own and own[k].shape == v.shape}
+    fitting = _fitting(own, weights)
     if not fitting:
         raise CheckpointError(f"{source}: nothing in it fits the network '{run.network.config.name}'")
     run.network.load_state_dict(fitting, strict=False)
@@ -112,11 +112,22 @@ def _weights(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tenso
     return tensors, {}, int(manifest.extra.get("samples", 0))
 
 
+def _tensors(network: Mapping[str, Any], part: str) -> list[str]:
+    return [k for k in network if k.split(".", 1)[0] == part and not k.endswith("num_batches_tracked")]
+
+
+def _fitting(own: Mapping[str, torch.Tensor], found: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """What can be taken over, of the parts that fit for the most: a few small tensors fit anything."""
+    fitting = {k: v for k, v in found.items() if k in own and own[k].shape == v.shape}
+    parts = [p for p in PARTS if 2 * sum(k in fitting for k in _tensors(own, p)) > len(_tensors(own, p))]
+    return {k: v for k, v in fitting.items() if k.split(".", 1)[0] in parts}
+
+
 def _fits(own: Mapping[str, Any], fitting: Mapping[str, Any], found: Mapping[str, Any]) -> str:
     """Part by part: taken, partly taken with what is not, or drawn anew."""
     said = []
     for part in PARTS:
-        wanted = [k for k in own if k.split(".", 1)[0] == part and not k.endswith("num_batches_tracked")]
+        wanted = _tensors(own, part)
         missing = [k for k in wanted if k not in fitting]
         if not wanted:
             continue

@@ -146,6 +146,7 @@ def _loader(make: Callable[[int], Callable[[], Batch]], seed: int, workers: int,
             prefetch_factor=6 if workers else None,
             worker_init_fn=_leave_interrupts,
             pin_memory=pin,
+            generator=torch.Generator().manual_seed(seed),  # the network's own draws stay as they would be
         )
     )
 
