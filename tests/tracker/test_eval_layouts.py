@@ -155,6 +155,7 @@ def test_a_plain_folder_of_sequences(tmp_path: Path) -> None:
     write_boxes(tmp_path / "clip.txt", truth(4))
     dataset = read_dataset(tmp_path)
     assert dataset.layout is Layout.FOLDER
+    assert {s.name: s.fps for s in dataset.sequences} == {"beside": 30, "clip": 10, "inside": 30}
     assert {name: len(list(s.images())) for name, s in named(dataset).items()} == {"beside": 2, "clip": 4, "inside": 3}
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tracker.eval.attributes import OTB_ORDER, UAV123_ORDER, UAVTRACK112_ORDER, read_attributes
-from tracker.eval.sequences import VIDEOS, Sequence, SequenceError, picture_files, read_boxes
+from tracker.eval.sequences import DEFAULT_FPS, VIDEOS, Sequence, SequenceError, picture_files, read_boxes, video_fps
 
 # First frames, at 30 frames a second, of the parts into which UAV123 cuts longer recordings (its configSeqs.m);
 # all others begin with picture 1. At 10 frames a second every third picture was kept.
@@ -27,7 +27,6 @@ UAV123_STARTS = {
 # OTB's own remarks: David begins with picture 300; the first five boxes of Tiger1 are not to be used.
 OTB_FIRST_NUMBER = {"David": 300}
 OTB_OMITTED = {"Tiger1": 5}
-VIDEO_FPS = 30.0
 BOX_FILES = ("groundtruth_rect.txt", "groundtruth.txt", "boxes.txt", "gt.txt")
 
 
@@ -186,7 +185,8 @@ def single(path: Path, boxes: Path | None = None) -> list[Entry]:
         frames = path if path.is_file() else _pictures_of(path)
         if frames is None:
             raise SequenceError(f"{path}: no pictures in this folder")
-        return Sequence(_stem(path), frames, read_boxes(file), VIDEO_FPS)
+        rate = video_fps(frames) if frames.is_file() else DEFAULT_FPS
+        return Sequence(_stem(path), frames, read_boxes(file), rate)
 
     return [Entry(_stem(path), read)]
 

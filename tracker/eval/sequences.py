@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PICTURES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp"})
+DEFAULT_FPS = 30.0
 VIDEOS = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
 
 
@@ -85,6 +86,14 @@ def picture_number(file: Path) -> int:
     """The last number in a picture's name, -1 without one."""
     found = re.findall(r"\d+", file.stem)
     return int(found[-1]) if found else -1
+
+
+def video_fps(path: Path) -> float:
+    """Frames a second as a video's header says; 30 where it says nothing, or cannot be read."""
+    capture = cv2.VideoCapture(str(path))
+    rate = float(capture.get(cv2.CAP_PROP_FPS)) if capture.isOpened() else 0.0
+    capture.release()
+    return rate if 0 < rate < 1000 else DEFAULT_FPS
 
 
 def _video_images(path: Path) -> Iterator[NDArray[np.uint8]]:
