@@ -24,7 +24,7 @@ CORNER_SPACING_FRAC = 1 / 32  # of the small picture's width
 WINDOW_PX = 15
 LEVELS = 3
 PATH_FRAMES = 5
-PATH_REACH = 5  # times that, a target goes on out of sight as it went before
+PATH_MEMORY_FRAMES = 20  # time constant with which a target's way out of sight is taken to come to rest
 AGREE_SMALL_PX = 1.0  # in the small picture
 MIN_INLIERS = 12
 MIN_INLIER_FRAC = 0.4
@@ -81,8 +81,7 @@ class CameraMotion:
         previous, self._previous = self._previous, grey
         self._last = None
         if previous is not None and previous.shape == grey.shape:
-            small = _background_motion(previous, grey, _scaled(exclude, scale) if exclude is not None else None)
-            self._last = _enlarged(small, 1 / scale) if small is not None else None
+            self._last = background_motion(previous, grey, scale, exclude)
         return self._last
 
     def carry(self, box: Box) -> Box:
@@ -134,11 +133,15 @@ class StabilisedPath:
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Of the target over the ground, px of the current frame per frame."""
+        """Of the target over the ground, px of the current frame per frame; less and less while it is unseen.
+
+        Nobody walks on for ever: it is taken to decay, as in Singer's model of manoeuvring targets.
+        """
         if len(self._places) < 2:
             return 0.0, 0.0
         (first, x0, y0), (last, x1, y1) = self._places[0], self._places[-1]
-        return (x1 - x0) / (last - first), (y1 - y0) / (last - first)
+        rate = math.exp(-self.unseen_frames / PATH_MEMORY_FRAMES) / (last - first)
+        return (x1 - x0) * rate, (y1 - y0) * rate
 
     def expected(self) -> tuple[float, float] | None:
         """Centre (px) where the target should be in the current frame; None if it was never seen."""
@@ -146,9 +149,17 @@ class StabilisedPath:
             return None
         _, x, y = self._places[-1]
         vx, vy = self.velocity
-        # Nobody walks on for ever: the way since last seen is limited to that of the past it is known from.
-        frames = min(self.unseen_frames, PATH_REACH * self._frames)
+        frames = PATH_MEMORY_FRAMES * math.expm1(self.unseen_frames / PATH_MEMORY_FRAMES)  # of today's velocity
         return x + vx * frames, y + vy * frames
+
+
+def background_motion(previous: Grey, grey: Grey, scale: float, exclude: Box | None = None) -> Homography | None:
+    """Motion (3, 3), frame px, between two pictures of `small_grey` of one size; None where it is not known.
+
+    scale: small px per frame px. exclude: the target's box in the previous frame, frame px.
+    """
+    small = _background_motion(previous, grey, _scaled(exclude, scale) if exclude is not None else None)
+    return _enlarged(small, 1 / scale) if small is not None else None
 
 
 def _background_motion(previous: Grey, grey: Grey, exclude: Box | None) -> Homography | None:

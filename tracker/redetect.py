@@ -1,0 +1,268 @@
+"""Finding a lost target again: a bounded number of search windows per frame, and proof before belief."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+import torch
+
+from tracker.appearance import Appearance, Describer, Distractors, Evidence, Likeness, likeness
+from tracker.box import Box
+from tracker.configs import TrackerConfig
+from tracker.crop import Colour, Image, context_side_px, crop, mean_colour
+from tracker.decode import Calibration, Decoded, decode
+from tracker.motion import Homography, carry
+from tracker.network.climrt import ClimRT, Features
+from tracker.search_map import SearchMap
+
+PEAK_SPACING = 0.8  # of the box's sides, between two peaks in one window
+RECENT_VIEWS = 3
+SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
+SAME_PLACE = 0.7  # mean sides a candidate may move over the ground between two looks
+DISTRACTOR_SCORE = 0.3  # of the target's own first score: what scores less is no danger
+MIN_REFERENCE = 0.05  # a first score below says that the network does not know the target at all
+SIZE_RANGE = (0.5, 2.0)  # a size further from the last one is not taken over
+
+
+@dataclass(frozen=True, slots=True)
+class RedetectConfig:
+    """Bounds and thresholds of re-detection.
+
+    windows_per_frame: search windows looked at in a frame, one network pass each. peaks_per_window: candidates
+    taken from each, one template pass each. recheck_above: log-odds from which a candidate is looked at again
+    in the next frame; believe_above, looks: the log-odds that it must reach in this many frames in a row to
+    be believed. recent_margin: what likeness to a later view of the target counts less than to the first one.
+    distractor_margin: a candidate must be this much more like the target than like any known distractor.
+    wide: how much larger the windows are in which the rest of the frame is searched.
+    """
+
+    windows_per_frame: int = 2
+    peaks_per_window: int = 2
+    recheck_above: float = -1.0
+    believe_above: float = 1.0
+    looks: int = 2
+    recent_margin: float = 0.5
+    distractor_margin: float = 0.0
+    wide: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Something that may be the target.
+
+    box: frame px. score: the network's. log_odds: that it is the target, from score and appearance. likeness:
+    mean, to the view of the target most alike; distractor_likeness: to the most alike distractor, -1 if none
+    is known. looks: frames in a row in which it was good enough to be believed.
+    """
+
+    box: Box
+    score: float
+    log_odds: float
+    likeness: float
+    distractor_likeness: float
+    looks: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Redetection:
+    """One frame's findings: candidates, likeliest first, and the one that is believed to be the target, or None."""
+
+    candidates: tuple[Candidate, ...]
+    believed: Candidate | None
+
+
+class Redetector:
+    """Looks for a lost target over the whole frame, with the tracker's own network.
+
+    `remember` now and then while the target is seen for sure; `start` when it is lost, then `search` in each
+    frame until that returns something believed. A frame costs at most windows_per_frame passes over search
+    patches, and peaks_per_window passes over template patches for each of them: the first looks where the
+    target is expected, or again at the last candidate, the others search the rest of the frame.
+    """
+
+    def __init__(
+        self,
+        network: ClimRT,
+        tracker: TrackerConfig,
+        frame_bgr: Image,
+        box: Box,
+        template: Features,
+        *,
+        calibration: Calibration | None = None,
+        config: RedetectConfig | None = None,
+        evidence: Evidence | None = None,
+    ) -> None:
+        """For the target in this box of its first frame; template, calibration: the tracker's."""
+        self.config, self._evidence = config or RedetectConfig(), evidence or Evidence()
+        self._network, self._tracker, self._template = network, replace(tracker, window_influence=0.0), template
+        self._calibration = calibration
+        self._fill: Colour = mean_colour(frame_bgr)
+        self._describer = Describer(network, tracker, frame_bgr, box)
+        self._first = self._describer.describe(frame_bgr, box)
+        self._recent: deque[Appearance] = deque(maxlen=RECENT_VIEWS)
+        self._distractors = Distractors()
+        self._map: SearchMap | None = None
+        self._tentative: Candidate | None = None
+        self._told_px: tuple[float, float] | None = None
+        self._turn = 0
+        self._size = box
+        self._reference = max(MIN_REFERENCE, self._look(frame_bgr, box.cx_px, box.cy_px).score)
+
+    def remember(self, frame_bgr: Image, box: Box) -> None:
+        """Keep how the target looks, in this box for sure, and what else round it might be taken for it.
+
+        Costs one window and a few template passes: for one frame in ten or so.
+        """
+        self._size = box
+        view = self._describe(frame_bgr, box)
+        if self._evidence.log_odds(1.0, likeness(self._first, view)) > 0:  # a view that is no longer it must not count
+            self._recent.append(view)
+        # Beside the target, on one side after the other: with the target in view the network heeds nothing else.
+        turn, self._turn = self._turn, (self._turn + 1) % len(SIDES)
+        away_px = self._tracker.search_px / self._scale() / 2 + max(box.w_px, box.h_px) / 2
+        centre = replace(box, cx_px=box.cx_px + SIDES[turn][0] * away_px, cy_px=box.cy_px + SIDES[turn][1] * away_px)
+        decoded = self._look(frame_bgr, centre.cx_px, centre.cy_px)
+        for found, score in islice(self._peaks(decoded, centre), self.config.peaks_per_window):
+            is_target = abs(found.cx_px - box.cx_px) < box.w_px and abs(found.cy_px - box.cy_px) < box.h_px
+            if score > DISTRACTOR_SCORE * self._reference and not is_target:
+                self._distractors.add(self._describe(frame_bgr, found))
+
+    def likeness(self, frame_bgr: Image, box: Box) -> Likeness:
+        """How alike what is in the box is to the target in its first frame. One template pass."""
+        return likeness(self._first, self._describer.describe(frame_bgr, box))
+
+    def expect(self, cx_px: float, cy_px: float) -> None:
+        """Somebody who knows better says where the target will be in the next frame (centre, px)."""
+        self._told_px = (cx_px, cy_px)
+
+    def start(self, frame_bgr: Image, expected: Box) -> None:
+        """The target is lost, with this size, and expected here."""
+        height, width = frame_bgr.shape[:2]
+        self._size, self._tentative, self._told_px = expected, None, None
+        self._map = SearchMap((width, height), expected.cx_px, expected.cy_px, _side(expected))
+
+    def search(
+        self,
+        frame_bgr: Image,
+        motion: Homography | None = None,
+        velocity_px: tuple[float, float] = (0.0, 0.0),
+        expected_px: tuple[float, float] | None = None,
+    ) -> Redetection:
+        """Look into the next frame.
+
+        motion: of the background since the last frame; velocity_px: of the target over the ground, px per
+        frame. expected_px: where the target should be in this frame; None where that is not known, or looked
+        at by somebody else. Raises ValueError before `start`.
+        """
+        if self._map is None:
+            raise ValueError("search before start: say first where the target was lost")
+        self._map.move(motion, velocity_px)
+        again = self._carried(motion)
+        first = (again.cx_px, again.cy_px) if again is not None else self._told_px or expected_px
+        self._told_px = None
+        found: list[Candidate] = []
+        for number in range(self.config.windows_per_frame):
+            if number == 0 and first is not None:
+                found += self._window(frame_bgr, self._map, *first, 1.0)
+            else:
+                wide = self.config.wide
+                found += self._window(frame_bgr, self._map, *self._map.best(self._reach_px(wide)), wide)
+        found.sort(key=lambda c: c.log_odds, reverse=True)
+        best = next((self._followed(c, again) for c in found if self._may_be(c)), None)
+        # What is no better at its second look must not keep the search from going on.
+        self._tentative = best if again is None or (best is not None and best.looks) else None
+        return Redetection(tuple(found), best if best is not None and best.looks >= self.config.looks else None)
+
+    def _carried(self, motion: Homography | None) -> Box | None:
+        """Where the last frame's candidate should be now."""
+        if self._tentative is None or motion is None:
+            return self._tentative.box if self._tentative is not None else None
+        return carry(self._tentative.box, motion)
+
+    def _reach_px(self, wide: float) -> float:
+        """Side of the square (frame px) in which one window finds the target's centre."""
+        config = self._tracker
+        return wide * config.grid_cells * config.grid_stride_px / self._scale()
+
+    def _scale(self) -> float:
+        """Patch px per frame px."""
+        return self._tracker.exemplar_px / context_side_px(self._size.w_px, self._size.h_px, self._tracker.context_frac)
+
+    def _window(self, frame_bgr: Image, places: SearchMap, cx_px: float, cy_px: float, wide: float) -> list[Candidate]:
+        decoded = self._look(frame_bgr, cx_px, cy_px, wide)
+        places.looked(cx_px, cy_px, self._reach_px(wide))
+        centre = replace(self._size, cx_px=cx_px, cy_px=cy_px)
+        peaks = islice(self._peaks(decoded, centre, wide), self.config.peaks_per_window)
+        return [self._judged(frame_bgr, box, score) for box, score in peaks]
+
+    def _judged(self, frame_bgr: Image, box: Box, score: float) -> Candidate:
+        appearance, relative = self._describe(frame_bgr, box), score / self._reference
+        alike = likeness(self._first, appearance)
+        log_odds, mean = self._evidence.log_odds(relative, alike), alike.mean
+        for view in self._recent:
+            alike = likeness(view, appearance)
+            log_odds = max(log_odds, self._evidence.log_odds(relative, alike) - self.config.recent_margin)
+            mean = max(mean, alike.mean)
+        return Candidate(box, score, log_odds, mean, self._distractors.likeness(appearance))
+
+    def _describe(self, frame_bgr: Image, box: Box) -> Appearance:
+        # At the size last known: it is steadier than that of a single cell, and features tell less of size.
+        return self._describer.describe(frame_bgr, replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px))
+
+    def _may_be(self, candidate: Candidate) -> bool:
+        nearer_to_another = candidate.distractor_likeness > candidate.likeness - self.config.distractor_margin
+        return candidate.log_odds > self.config.recheck_above and not nearer_to_another
+
+    def _followed(self, candidate: Candidate, before: Box | None) -> Candidate:
+        """The candidate with its good looks counted, on from the last frame's if it is at the same place."""
+        if candidate.log_odds <= self.config.believe_above:
+            return candidate
+        looks = 1
+        if before is not None and self._tentative is not None:
+            away_px = math.hypot(candidate.box.cx_px - before.cx_px, candidate.box.cy_px - before.cy_px)
+            looks += self._tentative.looks if away_px <= SAME_PLACE * _side(self._size) else 0
+        return replace(candidate, looks=looks)
+
+    @torch.inference_mode()
+    def _look(self, frame_bgr: Image, cx_px: float, cy_px: float, wide: float = 1.0) -> Decoded:
+        """The network's word on the window round (cx, cy), without the Hann window that favours its middle."""
+        config = self._tracker
+        scale = self._scale() / wide
+        patch = crop(frame_bgr, cx_px, cy_px, max(1, round(config.search_px / scale)), config.search_px, self._fill)
+        device = next(self._network.parameters()).device
+        features = self._network.features(torch.from_numpy(patch).to(device).permute(2, 0, 1)[None].float())
+        # There is no earlier look at this place: the present stands for the latent frame.
+        loc, cls1, cls2 = (m[0].float().cpu() for m in self._network.heads(features, self._template, features[1]))
+        old = replace(self._size, cx_px=cx_px, cy_px=cy_px)
+        frame_wh = (frame_bgr.shape[1], frame_bgr.shape[0])
+        return decode(loc, cls1, cls2, old, scale, frame_wh, config, self._calibration)
+
+    def _peaks(self, decoded: Decoded, centre: Box, wide: float = 1.0) -> Iterator[tuple[Box, float]]:
+        """Boxes (frame px) and scores of the peaks in the window round this box, highest rank first."""
+        size = self._size
+        x, y, w, h = decoded.offsets_px * wide / self._scale()
+        ranks = np.where(np.isfinite(decoded.ranks) & (w > 0) & (h > 0), decoded.ranks, -np.inf)
+        while np.isfinite(ranks).any():
+            i = int(np.argmax(ranks))
+            box = Box(
+                centre.cx_px + float(x[i]),
+                centre.cy_px + float(y[i]),
+                size.w_px * _between(float(w[i]) / size.w_px, *SIZE_RANGE),
+                size.h_px * _between(float(h[i]) / size.h_px, *SIZE_RANGE),
+            )
+            yield box, float(decoded.scores[i])
+            near = np.hypot((x - x[i]) / size.w_px, (y - y[i]) / size.h_px) < PEAK_SPACING
+            ranks = np.where(near, -np.inf, ranks)
+
+
+def _side(box: Box) -> float:
+    return (box.w_px + box.h_px) / 2
+
+
+def _between(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
