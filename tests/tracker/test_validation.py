@@ -21,7 +21,7 @@ from tracker.train.clips import adjacent_triplets, patch_of, relocalisation_pair
 from tracker.train.config import StageKind, TrainConfig
 from tracker.train.labels import FIRST_PX, GRID, STRIDE_PX
 from tracker.train.pack import Imagery, Thing, load
-from tracker.train.sheets import SheetError, latent_sheet, prediction_sheet, sample_sheet
+from tracker.train.sheets import SheetError, held_out_sheet, latent_sheet, prediction_sheet, sample_sheet
 from tracker.train.validation import Examiner, latent_figures, psnr_db, relocalisation, tracking_figures
 
 CPU = torch.device("cpu")
@@ -234,7 +234,7 @@ def test_score_rises_with_what_the_stage_is_for(held_out: Imagery, config: Train
 def test_sheets_are_pictures_with_the_boxes_on_them(
     tiny: nn.Module, held_out: Imagery, config: TrainConfig, tmp_path: Path
 ) -> None:
-    batch = {k: v[:5].clone() for k, v in Examiner(held_out, config)._samples[0].items()}
+    batch = {k: v[:5].clone() for k, v in Examiner(held_out, config).samples[0].items()}
     batch["positive"][:] = torch.tensor([True, True, True, True, False])
     plain = {k: v for k, v in batch.items() if k in ("template", "previous", "search")}
     sheets = [sample_sheet(batch, tmp_path / "a.png"), sample_sheet(plain, tmp_path / "b.png")]
@@ -245,6 +245,20 @@ def test_sheets_are_pictures_with_the_boxes_on_them(
     assert c.shape == a.shape
     assert d.shape[1] > 5 * 140
     assert sample_sheet({"search": batch["search"]}, tmp_path / "e.png").exists()
+
+
+def test_every_stage_shows_what_it_learns(
+    tiny: nn.Module, held_out: Imagery, config: TrainConfig, tmp_path: Path
+) -> None:
+    examiner = Examiner(held_out, config)
+    examiner.triplets = [_grey()]
+    shown = {kind: held_out_sheet(examiner, tiny, kind, tmp_path) for kind in StageKind}
+    assert shown[StageKind.BACKBONE] is None
+    assert shown[StageKind.JOINT].name == shown[StageKind.HEADS].name == "predictions.png"
+    assert shown[StageKind.CLIMNET].name == "latent.png"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["latent.png", "predictions.png"]
+    examiner.triplets, examiner.samples = [], []
+    assert all(held_out_sheet(examiner, tiny, kind, tmp_path) is None for kind in StageKind)
 
 
 def _grey() -> tuple[np.ndarray, np.ndarray, np.ndarray]:

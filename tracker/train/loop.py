@@ -25,7 +25,7 @@ from tracker.train.objective import Objective, initial_network
 from tracker.train.pack import Imagery
 from tracker.train.progress import Progress, Say, minutes_text
 from tracker.train.schedule import Position
-from tracker.train.sheets import sample_sheet
+from tracker.train.sheets import held_out_sheet, sample_sheet
 from tracker.train.siamese import SiameseResponse
 from tracker.train.validation import Examiner
 
@@ -255,6 +255,7 @@ class Run:
         if not slice_.holds_examination(began):
             return None
         figures = examiner.examine(self.average, self.stage.kind, self.device)
+        held_out_sheet(examiner, self.average, self.stage.kind, self.folder)
         slice_.examination_s = time.monotonic() - began
         if not figures:
             return None
@@ -266,6 +267,8 @@ class Run:
     def _log(self) -> None:
         if self.team.leads:
             figures = {"lr": self.rate(), **self.progress.losses.means}
+            if self.progress.window.samples:
+                figures["samples_per_s"] = self.progress.window.speed(time.monotonic())
             self.journal.log(self.position.samples, self.stage.kind.value, figures)
 
     def _line(self, now_s: float) -> str:

@@ -12,10 +12,11 @@ from torch.nn.attention import SDPBackend, sdpa_kernel
 from tracker.configs import NetworkConfig
 from tracker.network.climnet import STRIDE as CLIMNET_STRIDE
 from tracker.network.climrt import ClimRT
+from tracker.network.heads import Predictions
 from tracker.train.config import Stage, StageKind, TrainConfig
 from tracker.train.dataset import Batch
 from tracker.train.devices import in_bf16
-from tracker.train.losses import CLS_WEIGHT, LOC_WEIGHT, decode_corners, loc_loss
+from tracker.train.losses import CLS_WEIGHT, LOC_WEIGHT, loc_loss
 from tracker.train.siamese import SiameseResponse, siamese_loss
 
 
@@ -57,6 +58,17 @@ def cls1_loss_hard(logits: Tensor, target: Tensor, hard: int = 24) -> Tensor:
     return 0.5 * (pull + push)
 
 
+def heads_loss(predictions: Predictions, batch: Batch) -> tuple[Tensor, dict[str, float]]:
+    """Weighted sum of the three losses of a batch, and each of them."""
+    device = predictions.loc.device
+    target = {k: batch[f"label_{k}"].to(device) for k in ("cls1", "loc", "cls2", "loc_weight")}
+    one = cls1_loss_hard(predictions.cls1, target["cls1"])
+    two = functional.binary_cross_entropy_with_logits(predictions.cls2.float(), target["cls2"])
+    loc = loc_loss(predictions.loc.float(), target["loc"], target["loc_weight"])
+    parts = {"loc": loc.item(), "cls1": one.item(), "cls2": two.item()}
+    return LOC_WEIGHT * loc + CLS_WEIGHT * (one + two), parts
+
+
 class Objective:
     """Loss of one batch for the stage at hand."""
 
@@ -92,13 +104,9 @@ class Objective:
             auxiliary = siamese_loss(responses, box, positive, self.config.cross_negative_weight)
         if stage.kind is StageKind.BACKBONE:
             return auxiliary, {"siamese": auxiliary.item()}
-        target = {k: batch[f"label_{k}"].to(self.device) for k in ("cls1", "loc", "cls2", "loc_weight")}
-        one = cls1_loss_hard(predictions.cls1, target["cls1"])
-        two = functional.binary_cross_entropy_with_logits(predictions.cls2.float(), target["cls2"])
-        loc = loc_loss(predictions.loc.float(), target["loc"], target["loc_weight"])
-        total = LOC_WEIGHT * loc + CLS_WEIGHT * (one + two) + self.config.auxiliary_weight * auxiliary
-        parts = {"loc": loc.item(), "cls1": one.item(), "cls2": two.item(), "siamese": auxiliary.item()}
-        return total, parts
+        loss, parts = heads_loss(predictions, batch)
+        total = loss + self.config.auxiliary_weight * auxiliary
+        return total, parts | {"siamese": auxiliary.item()}
 
     def _latent(self, stage: Stage, batch: Batch, xf: tuple[Tensor, Tensor]) -> Tensor:
         """Layer 5 of what stands for the latent frame: the previous patch, or the current one."""
@@ -132,30 +140,6 @@ class Objective:
             return frames
         top, left = self._dice.randint(0, height - patch_px), self._dice.randint(0, width - patch_px)
         return [f[:, top : top + patch_px, left : left + patch_px] for f in frames]
-
-
-@torch.no_grad()
-def validate(network: ClimRT, batches: list[Batch], device: torch.device) -> dict[str, float]:
-    """Hit rate (centre within 14 px of 287), mean IoU and score separation on held-out batches."""
-    network.eval()
-    hits, ious, count = 0.0, 0.0, 0.0
-    for batch in batches:
-        zf = network.template(to_input(batch["template"], device))
-        xf = network.features(to_input(batch["search"], device))
-        latent = network.features(to_input(batch["previous"], device))[-1]
-        loc, cls1, cls2 = network.heads(xf, zf, latent)
-        score = cls1.softmax(1)[:, 1].flatten(1) * 0.8 + 0.9 * cls2.flatten(1).sigmoid()
-        best = score.argmax(1)
-        chosen = decode_corners(loc)[torch.arange(len(best)), best]
-        box, positive = batch["box"].to(device), batch["positive"].to(device)
-        middle = ((chosen[:, :2] + chosen[:, 2:]) - (box[:, :2] + box[:, 2:])) / 2
-        size = (torch.minimum(chosen[:, 2:], box[:, 2:]) - torch.maximum(chosen[:, :2], box[:, :2])).clamp(min=0)
-        inter = size.prod(1)
-        union = (chosen[:, 2:] - chosen[:, :2]).prod(1) + (box[:, 2:] - box[:, :2]).prod(1) - inter
-        hits += ((middle.norm(dim=1) < 14) & positive).sum().item()
-        ious += ((inter / union.clamp(min=1)) * positive).sum().item()
-        count += positive.sum().item()
-    return {"hit_rate": hits / max(count, 1), "mean_iou": ious / max(count, 1)}
 
 
 def initial_network(config: NetworkConfig, seed: int) -> ClimRT:

@@ -12,10 +12,11 @@ import torch
 from tracker.network.climnet import latent_patch
 from tracker.network.climrt import ClimRT
 from tracker.network.folded import FoldedClimNet
-from tracker.train.clips import Triplet
+from tracker.train.clips import Triplet, spread
+from tracker.train.config import StageKind
 from tracker.train.dataset import Batch
 from tracker.train.objective import to_input
-from tracker.train.validation import find, psnr_db
+from tracker.train.validation import Examiner, find, psnr_db
 
 CELL_PX = 144  # side of one picture on a sheet
 LINE_PX = 14  # height of a line of text
@@ -23,6 +24,7 @@ GAP_PX = 4
 PAPER = 255
 TRUE_BGR, PREDICTED_BGR, NEGATIVE_BGR, INK_BGR = (80, 220, 80), (60, 60, 255), (40, 40, 230), (30, 30, 30)
 ERROR_GAIN = 5.0
+SHOWN = 18  # samples of the examination
 
 
 class SheetError(ValueError):
@@ -91,6 +93,17 @@ def prediction_sheet(network: ClimRT, batch: Batch, path: Path, columns: int = 8
         template = _cell(batch["template"][i].cpu().numpy(), "template")
         cells.append(_row([template, _cell(search, title), _cell(overlay, f"score, best {scores.max():.2f}")]))
     return _write(path, _grid(cells, max(1, columns // 3)))
+
+
+def held_out_sheet(examiner: Examiner, network: ClimRT, stage_kind: StageKind, folder: Path) -> Path | None:
+    """predictions.png, or latent.png in ClimNet's stage, of the pictures examined on; None where there are none."""
+    if stage_kind is StageKind.CLIMNET:
+        some = spread(examiner.triplets, 6)
+        return latent_sheet(network, some, folder / "latent.png") if some and network.internet is not None else None
+    if stage_kind is StageKind.BACKBONE or not examiner.samples:
+        return None
+    batch = {name: values[:SHOWN] for name, values in examiner.samples[0].items()}
+    return prediction_sheet(network, batch, folder / "predictions.png", columns=9)
 
 
 def _overlay(search: np.ndarray, scores: np.ndarray) -> np.ndarray:

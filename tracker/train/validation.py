@@ -55,10 +55,10 @@ class Examiner:
     """The same held-out pictures every time; deterministic for the configuration's seed."""
 
     def __init__(self, held_out: Imagery, config: TrainConfig) -> None:
-        self._samples = _exam_batches(held_out, config)
+        self.samples = _exam_batches(held_out, config)
         self._pairs = {gap: relocalisation_pairs(held_out, gap, config.seed) for gap in GAPS}
         self._clips = tracked_clips(held_out)
-        self._triplets = adjacent_triplets(held_out)
+        self.triplets = adjacent_triplets(held_out)
 
     @torch.no_grad()
     def examine(self, network: ClimRT, stage_kind: StageKind, device: torch.device) -> dict[str, float]:
@@ -73,9 +73,9 @@ class Examiner:
         network.eval()
         try:
             if stage_kind is StageKind.CLIMNET:
-                return latent_figures(network, self._triplets, device)
+                return latent_figures(network, self.triplets, device)
             plain = stage_kind is StageKind.BACKBONE
-            figures = sample_figures(network, self._samples, device, plain=plain)
+            figures = sample_figures(network, self.samples, device, plain=plain)
             for gap, pairs in self._pairs.items():
                 if pairs:
                     figures[f"relocalisation_{gap}"] = relocalisation(network, pairs, device, plain=plain)
