@@ -1,5 +1,6 @@
 """Batches composed on a device: the same samples as the CPU's composer, boxes where the pixels are."""
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -77,6 +78,21 @@ def test_batches_composed_together_are_cut_apart(drawn: Imagery) -> None:
     whole = GpuComposer(drawn, "cpu", 1).batch(4)
     assert whole.keys() == first.keys()
     assert all(torch.equal(torch.cat([first[k], second[k]]), whole[k]) for k in whole)
+
+
+def test_composing_never_waits_for_the_device(drawn: Imagery) -> None:
+    composer, meta = GpuComposer(drawn, "cpu", 1), torch.device("meta")  # there, a look at a value raises
+
+    def moved(table: object) -> object:
+        tensors = {k: v.to(meta) for k, v in vars(table).items() if isinstance(v, torch.Tensor)}
+        return dataclasses.replace(table, **tensors)
+
+    composer.device = composer.dice.device = meta
+    composer.dice._generator = None
+    composer.atlas, composer.things, composer.choices = map(moved, (composer.atlas, composer.things, composer.choices))
+    with torch.no_grad():
+        batch = composer._batch(8, middle=True)
+    assert {v.device for v in batch.values()} == {meta}  # and nothing of it was left on the host
 
 
 def test_same_seed_same_batch(drawn: Imagery) -> None:
