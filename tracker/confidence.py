@@ -50,7 +50,7 @@ class ConfidenceModel:
         if not np.isfinite(values).all():
             return 0.0
         z = float(np.dot((values - self.mean) / self.scale, self.weights)) + self.bias
-        return 1 / (1 + math.exp(-z)) if z > 0 else math.exp(z) / (1 + math.exp(z))  # never overflows
+        return logistic(z)
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -72,3 +72,8 @@ class ConfidenceModel:
             if isinstance(error, ConfidenceError):
                 raise
             raise ConfidenceError(f"confidence model is incomplete or malformed: {error!r}") from error
+
+
+def logistic(log_odds: float) -> float:
+    """Probability, 0..1, of log odds; never overflows."""
+    return 1 / (1 + math.exp(-log_odds)) if log_odds > 0 else math.exp(log_odds) / (1 + math.exp(log_odds))

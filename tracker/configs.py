@@ -150,6 +150,9 @@ class TrackerConfig:
     (the authors do not).
     lost_below, found_above: confidence under which the object is taken for hidden, and from which it is
     believed to be back, if near where it is looked for (the authors have no such state: 0, 0).
+    filter_weight, filter_share: what the correlation filter learned on line counts in choosing the cell, and
+    in placing the box's centre, 0..1 (the authors have none: 0, 0).
+    redetect: look for a hidden object over the whole frame, and prove it before it is believed.
     """
 
     exemplar_px: int = 127
@@ -171,6 +174,14 @@ class TrackerConfig:
     calibrate: bool = False
     lost_below: float = 0.0
     found_above: float = 0.0
+    filter_weight: float = 0.0
+    filter_share: float = 0.0
+    redetect: bool = False
+
+    @property
+    def has_filter(self) -> bool:
+        """Whether a correlation filter is learned on line."""
+        return self.filter_weight > 0 or self.filter_share > 0
 
     def __post_init__(self) -> None:
         _require(1 <= self.latent_interval <= 5, "latent_interval", self.latent_interval, "in 1..5")
@@ -178,6 +189,8 @@ class TrackerConfig:
             value = getattr(self, field)
             _require(0 <= value < 10, field, value, "in 0..10")
         _require(0 <= self.lost_below <= self.found_above <= 1, "lost_below", self.lost_below, "in 0..found_above..1")
+        for field in ("filter_weight", "filter_share"):
+            _require(0 <= getattr(self, field) <= 1, field, getattr(self, field), "in 0..1")
         _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
 
     def to_dict(self) -> dict[str, Any]:

@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracker.box import Box
 from tracker.configs import TrackerConfig
+from tracker.correlation_filter import Response, peak_near, sample_response
 
 Array = NDArray[np.float64]
+RESPONSE_RANGE = (-0.2, 1.2)  # of a correlation filter; what is beyond says no more
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,7 @@ class Decoded:
     best: index of that cell, row by row, or None if no cell gives a usable box (box is then the old one).
     offsets_px (4, 121): each cell's box as centre offset from the patch centre, width, height, in patch px.
     scores, penalties, ranks (121,): score, scale-change penalty, and what the best cell is chosen by.
+    centre_px: the new box's centre from the patch's, patch px. heard: the correlation filter's response there.
     """
 
     box: Box
@@ -39,6 +42,8 @@ class Decoded:
     scores: Array
     penalties: Array
     ranks: Array
+    centre_px: tuple[float, float] = (0.0, 0.0)
+    heard: float = 0.0
 
 
 @np.errstate(all="ignore")  # unusable cells divide by zero and so on; they are sorted out at the end
@@ -51,11 +56,12 @@ def decode(
     frame_wh_px: tuple[int, int],
     config: TrackerConfig,
     calibration: Calibration | None = None,
+    response: Response | None = None,
 ) -> Decoded:
     """The best cell's box, brought from the search patch to the frame and smoothed.
 
     loc (4, 11, 11), cls1 (2, 11, 11), cls2 (1, 11, 11) raw network outputs; scale: patch px per frame px.
-    calibration: the network's bias on this object, taken out of every cell.
+    calibration: the network's bias on this object, taken out of every cell. response: of the correlation filter.
     Not-finite or turned-over (no width or height) cells are never chosen.
     """
     offsets = decode_offsets(np.asarray(loc, np.float64), config)
@@ -64,8 +70,12 @@ def decode(
         offsets[2:] *= np.array(calibration.size_gain)[:, None]
     scores = _scores(np.asarray(cls1, np.float64), np.asarray(cls2, np.float64), config)
     penalties = _penalties(offsets[2], offsets[3], old.w_px * scale, old.h_px * scale, config.penalty_k)
+    ranks = penalties * scores
+    if response is not None:
+        heard = np.clip(sample_response(response, offsets[0], offsets[1]), *RESPONSE_RANGE)
+        ranks = (1 - config.filter_weight) * ranks + config.filter_weight * heard
     window = config.window_influence
-    ranks = penalties * scores * (1 - window) + _hann(config.grid_cells) * window
+    ranks = ranks * (1 - window) + _hann(config.grid_cells) * window
     usable = np.isfinite(ranks) & np.isfinite(offsets).all(0) & (offsets[2:] > 0).all(0)
     if not usable.any():
         return Decoded(old, 0.0, None, offsets, scores, penalties, ranks)
@@ -73,8 +83,14 @@ def decode(
     rate = float(penalties[best] * scores[best] * config.size_rate)
     if config.clip_rate:
         rate = min(max(rate, 0.0), 1.0)
-    box = _smoothed(old, offsets[:, best] / scale, rate, frame_wh_px, config.min_size_px)
-    return Decoded(box, float(scores[best]), best, offsets, scores, penalties, ranks)
+    found, heard = offsets[:, best].copy(), 0.0
+    if response is not None:
+        peak = np.array(peak_near(response, float(found[0]), float(found[1])))
+        found[:2] += config.filter_share * (peak - found[:2])
+        heard = float(sample_response(response, found[:1], found[1:2])[0])
+    box = _smoothed(old, found / scale, rate, frame_wh_px, config.min_size_px)
+    centre_px = (float(found[0]), float(found[1]))
+    return Decoded(box, float(scores[best]), best, offsets, scores, penalties, ranks, centre_px, heard)
 
 
 def decode_offsets(loc: Array, config: TrackerConfig) -> Array:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 import statistics
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 
+from tracker.appearance import Likeness
 from tracker.box import Box, TrackResult
+from tracker.confidence import ConfidenceModel, logistic
 from tracker.configs import TrackerConfig
+from tracker.correlation_filter import CorrelationFilter, FilterConfig
 from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, crop, mean_colour
 from tracker.decode import Calibration, Decoded, decode
 from tracker.latent import latent_source
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.inference import for_inference
+from tracker.recovery import Recovery
 
 MIN_INIT_SIDE_PX = 4.0
 REFERENCE_FRAMES = 10
@@ -23,52 +28,92 @@ REFERENCE_FRAMES = 10
 GAIN_RANGE = (0.5, 2.0)
 MAX_OFFSET_PX = 12.0
 REACH_PER_FRAME = 0.1  # mean sides of the box
+LEARN_EVERY = 5  # frames between two lessons of the correlation filter
 
 
 class NotInitialisedError(ValueError):
     """update was called before init."""
 
 
-class Confidence:
-    """Brings the unbounded score to 0..1, relative to the track's own beginning.
+class RelativeScore:
+    """Brings the unbounded score to the scale of the track's own beginning.
 
-    confidence = score / median of the first ten positive scores, clipped to 0..1: 1 says as sure as at the
-    start, 0.5 half as sure. A score of zero or less, which no cell of a good match has, is 0.
+    score / median of the first ten positive scores: 1 says as sure as at the start, 0.5 half as sure. A score
+    of zero or less, which no cell of a good match has, is 0.
     """
 
     def __init__(self) -> None:
         self._first_scores: list[float] = []
 
     def update(self, score: float) -> float:
-        """Confidence, 0..1, of this frame's score."""
+        """Relative score, 0 or more, of this frame's score."""
         if not score > 0:
             return 0.0
         if len(self._first_scores) < REFERENCE_FRAMES:
             self._first_scores.append(score)
-        return min(1.0, score / statistics.median(self._first_scores))
+        return score / statistics.median(self._first_scores)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What one frame's answer is judged by.
+
+    relative_score: score over its median at the track's beginning. heard: response of the correlation filter at
+    the box (0 without one). layer4, layer5, colour: likeness to the target's first appearance (0 without re-detection).
+    """
+
+    relative_score: float
+    heard: float
+    layer4: float
+    layer5: float
+    colour: float
+
+    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard", "layer4", "layer5", "colour")
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """In the order of NAMES."""
+        return (self.relative_score, self.heard, self.layer4, self.layer5, self.colour)
 
 
 class ClimRTTracker:
-    """The online tracker: template of the first frame, search patch round the last box, never re-detects.
+    """The online tracker: template of the first frame, search patch round the last box.
 
-    Give init a frame and a box, then each following frame to update. Not for several threads at once.
+    What else it does (correlation filter, re-detection) is as its TrackerConfig says. Give init a frame and a
+    box, then each following frame to update. Not for several threads at once.
     """
 
-    def __init__(self, network: ClimRT, config: TrackerConfig, *, threads: int | None = None) -> None:
-        """threads: CPU threads for PyTorch, in the whole process; None leaves them as they are."""
+    def __init__(
+        self,
+        network: ClimRT,
+        config: TrackerConfig,
+        *,
+        confidence: ConfidenceModel | None = None,
+        threads: int | None = None,
+    ) -> None:
+        """confidence: from evidence to probability, None: relative to the track's beginning.
+
+        threads: CPU threads for PyTorch, in the whole process; None leaves them as they are.
+        """
         if threads is not None:
             torch.set_num_threads(threads)
         self.config = config
         self._network = for_inference(network)
         self._device = next(network.parameters()).device
         self._latent = latent_source(self._network, config)
+        self._model = confidence
         self._template: Features | None = None
         self._box = Box(0.0, 0.0, 0.0, 0.0)
         self._first_side_px = 0
+        self._frames = 0
         self._hidden_frames = 0
         self._fill: Colour = (0, 0, 0)
-        self._confidence = Confidence()
+        self._relative = RelativeScore()
         self._calibration: Calibration | None = None
+        self._filter: CorrelationFilter | None = None
+        self._reduced: Tensor | None = None
+        self._recovery: Recovery | None = None
+        self.evidence: Evidence | None = None
 
     def init(self, frame_bgr: Image, box: Box) -> None:
         """Take the object in the box (frame px) of this (H, W, 3) uint8 frame as the one to follow.
@@ -85,9 +130,19 @@ class ClimRTTracker:
         with torch.inference_mode():
             self._template = self._network.template(self._tensor(patch))
         self._box, self._first_side_px, self._fill = box, side_px, fill
-        self._confidence, self._hidden_frames = Confidence(), 0
+        self._relative, self._frames, self._hidden_frames, self.evidence = RelativeScore(), 0, 0, None
+        self._filter = self._learned(frame_bgr) if config.has_filter else None
         self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
+        self._recovery = None
+        if config.redetect:
+            self._recovery = Recovery(self._network, config, frame_bgr, box, self._template, self._calibration)
         self._latent.reset()
+
+    def _learned(self, frame_bgr: Image) -> CorrelationFilter:
+        """A filter that knows the target and its surroundings in the first frame."""
+        with torch.inference_mode():
+            features = self._network.features(self._search_patch(frame_bgr)[0])
+            return CorrelationFilter(features[0], FilterConfig())
 
     def _calibrated(self, frame_bgr: Image, template: Features) -> Calibration | None:
         """What makes the network's box of the object in its own first frame the box that was given.
@@ -113,20 +168,64 @@ class ClimRTTracker:
         check_frame(frame_bgr)
         if self._template is None:
             raise NotInitialisedError("update before init: give init a frame and a box first")
+        self._frames += 1
+        if self._recovery is not None and self._hidden_frames:
+            return self._searched(frame_bgr, self._recovery)
         decoded = self._step(frame_bgr, self._template)
-        confidence = self._confidence.update(decoded.score)
+        confidence = self._judged(frame_bgr, decoded)
         is_hidden = self._is_hidden(decoded.box, confidence)
         self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
+        if self._recovery is not None and is_hidden:
+            self._recovery.lose(frame_bgr)
+            return self._searched(frame_bgr, self._recovery, decoded.score, confidence)
         self._box = decoded.box
+        if not is_hidden:
+            self._taught(frame_bgr, decoded, confidence)
         return TrackResult(decoded.box, decoded.score, confidence, visible=not is_hidden)
+
+    def _judged(self, frame_bgr: Image, decoded: Decoded) -> float:
+        """Confidence, 0..1, in this frame's box."""
+        relative = self._relative.update(decoded.score)
+        alike = self._recovery.likeness(frame_bgr, decoded.box) if self._recovery is not None else Likeness(0, 0, 0)
+        self.evidence = Evidence(relative, decoded.heard, alike.layer4, alike.layer5, alike.colour)
+        if self._model is None:
+            return min(1.0, relative)
+        return self._model.probability(self.evidence.values)
+
+    def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:
+        """Filter and recovery learn from a frame in which the target is for sure."""
+        surely = confidence >= self.config.found_above
+        if self._recovery is not None:
+            self._recovery.seen(frame_bgr, decoded.box, surely=surely)
+        if self._filter is not None and surely and self._frames % LEARN_EVERY == 0:
+            assert self._reduced is not None
+            with torch.inference_mode():
+                self._filter.learn(self._reduced, decoded.centre_px, LEARN_EVERY)
+
+    def _searched(
+        self, frame_bgr: Image, recovery: Recovery, score: float = 0.0, confidence: float = 0.0
+    ) -> TrackResult:
+        """While the object is hidden: where it is expected, until something proves to be it."""
+        found = recovery.search(frame_bgr)
+        if found is None:
+            self._hidden_frames += 1
+            self._box = recovery.expected
+            return TrackResult(self._box, score, min(confidence, self.config.lost_below), visible=False)
+        self._hidden_frames, self._box = 0, found.box
+        self._latent.reset()
+        recovery.seen(frame_bgr, found.box)
+        return TrackResult(found.box, found.score, logistic(found.log_odds))
 
     def look_at(self, cx_px: float, cy_px: float) -> None:
         """While the object is hidden: where to look for it in the next frame (centre, frame px).
 
         Who knows how camera and object move knows better than the last guess; without it that one is used.
         """
-        if self._hidden_frames and math.isfinite(cx_px) and math.isfinite(cy_px):
-            self._box = replace(self._box, cx_px=cx_px, cy_px=cy_px)
+        if not (self._hidden_frames and math.isfinite(cx_px) and math.isfinite(cy_px)):
+            return
+        self._box = replace(self._box, cx_px=cx_px, cy_px=cy_px)
+        if self._recovery is not None:
+            self._recovery.expect(cx_px, cy_px)
 
     def _is_hidden(self, found: Box, confidence: float) -> bool:
         """Hysteresis in confidence; what is believed to be back must lie near, less near as time goes by."""
@@ -136,15 +235,26 @@ class ClimRTTracker:
         distance_px = math.hypot(found.cx_px - self._box.cx_px, found.cy_px - self._box.cy_px)
         return confidence < self.config.found_above or distance_px > reach_px
 
-    def _step(self, frame_bgr: Image, template: Features) -> Decoded:
+    def _search_patch(self, frame_bgr: Image) -> tuple[Tensor, float]:
+        """The square that is searched, as the network takes it, and patch px per frame px."""
         config = self.config
-        frame_h, frame_w = frame_bgr.shape[:2]
-        template_side_px = self._template_side_px(frame_w * frame_h)
-        scale = config.exemplar_px / template_side_px
+        template_side_px = self._template_side_px(frame_bgr.shape[0] * frame_bgr.shape[1])
         side_px = round(template_side_px * config.search_px / config.exemplar_px)
         patch = crop(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
-        loc, cls1, cls2 = self._predict(self._tensor(patch), template)
-        return decode(loc, cls1, cls2, self._box, scale, (frame_w, frame_h), config, self._calibration)
+        return self._tensor(patch), config.exemplar_px / template_side_px
+
+    @torch.inference_mode()
+    def _step(self, frame_bgr: Image, template: Features) -> Decoded:
+        patch, scale = self._search_patch(frame_bgr)
+        features = self._network.features(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
+        latent5 = self._latent.latent5(patch, features[-1])  # (1, c5, 26, 26)
+        loc, cls1, cls2 = (maps[0].cpu() for maps in self._network.heads(features, template, latent5))
+        response = None
+        if self._filter is not None:
+            self._reduced = self._filter.reduce(features[0])
+            response = self._filter.response(self._reduced)
+        frame_wh_px = (frame_bgr.shape[1], frame_bgr.shape[0])
+        return decode(loc, cls1, cls2, self._box, scale, frame_wh_px, self.config, self._calibration, response)
 
     def _template_side_px(self, frame_area: int) -> float:
         """Side of the square in the frame that corresponds to the template patch."""
@@ -152,12 +262,6 @@ class ClimRTTracker:
         if box.w_px * box.h_px > self.config.huge_frac * frame_area:
             return self._first_side_px
         return context_side_px(box.w_px, box.h_px, self.config.context_frac)
-
-    @torch.inference_mode()
-    def _predict(self, patch: Tensor, template: Features) -> list[Tensor]:
-        features = self._network.features(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
-        latent5 = self._latent.latent5(patch, features[-1])  # (1, c5, 26, 26)
-        return [maps[0].cpu() for maps in self._network.heads(features, template, latent5)]
 
     def _tensor(self, patch: Image) -> Tensor:
         """(S, S, 3) uint8 to (1, 3, S, S) float 0..255; stays channels-last in memory, as the network's."""

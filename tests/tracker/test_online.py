@@ -14,7 +14,8 @@ from tracker.configs import COMPACT, LatentProvider, TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Decoded
 from tracker.network.climrt import ClimRT, Features
-from tracker.online import ClimRTTracker, Confidence, NotInitialisedError
+from tracker.network.heads import Predictions
+from tracker.online import ClimRTTracker, NotInitialisedError, RelativeScore
 from tracker.train.objective import initial_network
 
 
@@ -73,23 +74,21 @@ def test_bad_input_is_refused_and_leaves_the_track(tiny: ClimRT) -> None:
 
 
 def test_a_network_gone_wild_keeps_the_box(tiny: ClimRT) -> None:
-    class Wild(ClimRTTracker):
-        def _predict(self, patch: torch.Tensor, template: Features) -> list[torch.Tensor]:
-            return [torch.full_like(maps, math.nan) for maps in super()._predict(patch, template)]
-
-    tracker = Wild(tiny, TrackerConfig())
+    tracker = ClimRTTracker(tiny, TrackerConfig())
+    heads = tracker._network.heads
+    tracker._network.heads = lambda *a: Predictions(*(torch.full_like(maps, math.nan) for maps in heads(*a)))
     tracker.init(frame(0), START)
     result = tracker.update(frame(1))
     assert (result.box, result.score, result.confidence) == (START, 0.0, 0.0)
 
 
 def test_confidence_is_relative_to_the_start() -> None:
-    confidence = Confidence()
+    confidence = RelativeScore()
     assert confidence.update(0.8) == 1.0
     for _ in range(9):
         confidence.update(0.8)
     assert confidence.update(0.4) == pytest.approx(0.5)
-    assert confidence.update(5.0) == 1.0
+    assert confidence.update(1.6) == pytest.approx(2.0)
     for score in (0.0, -3.0, math.nan):
         assert confidence.update(score) == 0.0
     assert confidence.update(0.2) == pytest.approx(0.25)  # the reference has not moved

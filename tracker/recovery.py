@@ -1,0 +1,84 @@
+"""Losing the target and finding it again: where it should be, and where to look for it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+from tracker.appearance import Likeness
+from tracker.box import Box
+from tracker.configs import TrackerConfig
+from tracker.crop import Image
+from tracker.decode import Calibration
+from tracker.motion import PATH_FRAMES, Grey, StabilisedPath, background_motion, small_grey
+from tracker.network.climrt import ClimRT, Features
+from tracker.redetect import Candidate, Redetector
+
+REMEMBER_EVERY = 10  # frames between two looks at what else is like the target
+
+
+class Recovery:
+    """Keeps of a track what is needed once the target is lost, and then looks for it.
+
+    `seen` in each frame with the target; `lose` in the first without; then `search` in that frame and the
+    following ones, until it returns something believed.
+    The camera's motion is worked out only when the target is lost: then for the last frames at once.
+    """
+
+    def __init__(
+        self,
+        network: ClimRT,
+        config: TrackerConfig,
+        frame_bgr: Image,
+        box: Box,
+        template: Features,
+        calibration: Calibration | None,
+    ) -> None:
+        self._redetector = Redetector(network, config, frame_bgr, box, template, calibration=calibration)
+        self._recent: deque[tuple[Grey, float, Box]] = deque(maxlen=PATH_FRAMES + 1)
+        self._path = StabilisedPath()
+        self._size = box
+        self._seen_frames = 0
+        self.seen(frame_bgr, box)
+
+    def likeness(self, frame_bgr: Image, box: Box) -> Likeness:
+        """How alike what is in the box is to the target in its first frame."""
+        return self._redetector.likeness(frame_bgr, box)
+
+    def seen(self, frame_bgr: Image, box: Box, *, surely: bool = False) -> None:
+        """The target is in this box; surely: so that what is beside it is known to be something else."""
+        self._recent.append((*small_grey(frame_bgr), box))
+        self._seen_frames += 1
+        if surely and self._seen_frames % REMEMBER_EVERY == 0:
+            self._redetector.remember(frame_bgr, box)
+
+    def lose(self, frame_bgr: Image) -> None:
+        """The target was not found in this frame."""
+        self._path = StabilisedPath()
+        frames = list(self._recent)
+        for i, (grey, scale, box) in enumerate(frames):
+            if i:
+                self._path.move(background_motion(frames[i - 1][0], grey, scale, frames[i - 1][2]))
+            self._path.observe(box.cx_px, box.cy_px)
+        self._size = frames[-1][2]
+        self._redetector.start(frame_bgr, self._size)
+
+    def search(self, frame_bgr: Image) -> Candidate | None:
+        """Look into this frame; a candidate only when it has proved itself."""
+        grey, scale = small_grey(frame_bgr)
+        previous, _, box = self._recent[-1]
+        motion = background_motion(previous, grey, scale, box) if previous.shape == grey.shape else None
+        self._path.move(motion)
+        found = self._redetector.search(frame_bgr, motion, self._path.velocity, self._path.expected())
+        self._recent.append((grey, scale, self.expected))
+        return found.believed
+
+    @property
+    def expected(self) -> Box:
+        """Where the target should be in the frame that was searched last, at the size it had."""
+        place = self._path.expected()
+        return self._size if place is None else replace(self._size, cx_px=place[0], cy_px=place[1])
+
+    def expect(self, cx_px: float, cy_px: float) -> None:
+        """Someone who knows better says where it should be in the last frame."""
+        self._redetector.expect(cx_px, cy_px)
