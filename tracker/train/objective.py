@@ -16,7 +16,7 @@ from tracker.network.heads import Predictions
 from tracker.train.config import Stage, StageKind, TrainConfig
 from tracker.train.dataset import Batch
 from tracker.train.devices import in_bf16
-from tracker.train.losses import CLS_WEIGHT, LOC_WEIGHT, loc_loss
+from tracker.train.losses import CLS_WEIGHT, EDGE_WEIGHT, LOC_WEIGHT, edge_loss, loc_loss
 from tracker.train.siamese import SiameseResponse, siamese_loss
 
 
@@ -65,8 +65,9 @@ def heads_loss(predictions: Predictions, batch: Batch) -> tuple[Tensor, dict[str
     one = cls1_loss_hard(predictions.cls1, target["cls1"])
     two = functional.binary_cross_entropy_with_logits(predictions.cls2.float(), target["cls2"])
     loc = loc_loss(predictions.loc.float(), target["loc"], target["loc_weight"])
-    parts = {"loc": loc.item(), "cls1": one.item(), "cls2": two.item()}
-    return LOC_WEIGHT * loc + CLS_WEIGHT * (one + two), parts
+    edge = edge_loss(predictions.loc.float(), target["loc"], target["loc_weight"])
+    parts = {"loc": loc.item(), "edge": edge.item(), "cls1": one.item(), "cls2": two.item()}
+    return LOC_WEIGHT * loc + CLS_WEIGHT * (one + two) + EDGE_WEIGHT * edge, parts
 
 
 class Objective:
