@@ -16,7 +16,7 @@ from tracker.decode import Decoded
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.heads import Predictions
 from tracker.online import ClimRTTracker, NotInitialisedError, RelativeScore
-from tracker.train.objective import initial_network
+from tracker.train.priming import initial_network
 
 
 def frame(t: int) -> Image:

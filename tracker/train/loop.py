@@ -21,8 +21,9 @@ from tracker.train.dataset import Batch
 from tracker.train.devices import Team
 from tracker.train.feed import feed
 from tracker.train.journal import Journal
-from tracker.train.objective import Objective, initial_network
+from tracker.train.objective import Objective
 from tracker.train.pack import Imagery
+from tracker.train.priming import initial_network
 from tracker.train.progress import Progress, Say, minutes_text
 from tracker.train.schedule import Position
 from tracker.train.sheets import held_out_sheet, sample_sheet

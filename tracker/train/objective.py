@@ -9,7 +9,6 @@ from torch import Tensor
 from torch.nn import functional
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
-from tracker.configs import NetworkConfig
 from tracker.network.climnet import STRIDE as CLIMNET_STRIDE
 from tracker.network.climrt import ClimRT
 from tracker.network.heads import Predictions
@@ -23,28 +22,6 @@ from tracker.train.siamese import SiameseResponse, siamese_loss
 def to_input(patches: Tensor, device: torch.device) -> Tensor:
     """uint8 (B,H,W,3) to float (B,3,H,W), channels last in memory."""
     return patches.to(device, non_blocking=True).permute(0, 3, 1, 2).float()
-
-
-def prime(network: ClimRT) -> None:
-    """A start from which a short training succeeds; the architecture is untouched.
-
-    Queries and keys begin as the same shuffled copy of their input, so attention starts on a cell's own
-    position (with positions of unit variance) instead of everywhere; boxes begin with the size a target
-    has in a patch, so that predictions overlap and the IoU loss has a slope from the first step.
-    """
-    generator = torch.Generator().manual_seed(0)
-    hidden = network.config.hidden
-    for name, module in network.grader.named_modules():
-        if isinstance(module, torch.nn.MultiheadAttention) and "decoder.layers.0.self_attn" not in name:
-            mixed = torch.eye(hidden)[torch.randperm(hidden, generator=generator)] * 1.4
-            with torch.no_grad():
-                module.in_proj_weight[:hidden] = mixed
-                module.in_proj_weight[hidden : 2 * hidden] = mixed
-                module.in_proj_weight[2 * hidden :] = torch.eye(hidden)
-    for table in (network.grader.row_embed, network.grader.col_embed):
-        torch.nn.init.normal_(table.weight, std=1.0, generator=generator)
-    with torch.no_grad():
-        network.grader.convloc[-1].bias.fill_(0.22)
 
 
 def cls1_loss_hard(logits: Tensor, target: Tensor, hard: int = 24) -> Tensor:
@@ -141,11 +118,3 @@ class Objective:
             return frames
         top, left = self._dice.randint(0, height - patch_px), self._dice.randint(0, width - patch_px)
         return [f[:, top : top + patch_px, left : left + patch_px] for f in frames]
-
-
-def initial_network(config: NetworkConfig, seed: int) -> ClimRT:
-    """A freshly drawn network ready for training from scratch."""
-    torch.manual_seed(seed)
-    network = ClimRT(config)
-    prime(network)
-    return network
