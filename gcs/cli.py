@@ -145,6 +145,12 @@ def _add_weights(commands: Commands, common: Parser) -> None:
     p.set_defaults(handler="gcs.cli_weights:info")
     p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE")
     _add_train(actions, common)
+    text = "fit the confidence to held-out clips, as a probability that the box is right; goes into the manifest"
+    p = actions.add_parser("calibrate", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_weights:calibrate")
+    p.add_argument("weights", metavar="FILE", help="a .safetensors file with its manifest")
+    p.add_argument("--data", metavar="DIR", required=True, help="folder with the packs")
+    p.add_argument("--packs", nargs="+", metavar="PACK", help="default: all in the folder")
 
 
 def _add_train(actions: Commands, common: Parser) -> None:
@@ -168,6 +174,19 @@ def _add_train(actions: Commands, common: Parser) -> None:
     p.add_argument("--probe", action="store_true", help="train nothing: measure what is slow here (1 min or --minutes)")
     p.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="default: the GPU if there is one")
     p.add_argument("--devices", type=int, default=1, metavar="N", help="processes here, one device each (default: 1)")
+
+
+def _add_ablate(actions: Commands, common: Parser) -> None:
+    text = (
+        "train each of the paper's ablations with the same small budget and score it on sequences, for several seeds: "
+        "table.md, table.json and chart.png in --out. A run that was broken off goes on when given again."
+    )
+    p = actions.add_parser("ablate", help="train and score the paper's ablations", description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_weights:ablate")
+    p.add_argument("settings", metavar="CONFIG", help="YAML file (see tracker/train/ablation.yaml)")
+    p.add_argument("--data", metavar="DIR", required=True, help="folder with the packs to train on")
+    p.add_argument("--eval", metavar="DIR", dest="dataset", required=True, help="sequences to score on")
+    p.add_argument("--out", metavar="DIR", required=True, help="folder for weights, scores and tables")
 
 
 def _add_bench(commands: Commands, common: Parser) -> None:

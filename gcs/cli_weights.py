@@ -1,4 +1,4 @@
-"""`gcs weights import | info | train`."""
+"""`gcs weights import | info | train | ablate`."""
 
 from __future__ import annotations
 
@@ -63,6 +63,29 @@ def train(args: argparse.Namespace) -> int:
     )
     done = run(values, Path(args.data), Path(args.out or "."), options, print)
     return 0 if done else 3
+
+
+def calibrate(args: argparse.Namespace) -> int:
+    """Fit the confidence of weights to held-out clips; 0."""
+    from tracker.train.calibrate import calibrate as run
+    from tracker.train.pack import load
+
+    data = Path(args.data)
+    packs = [data / name for name in args.packs] if args.packs else sorted(data.glob("*.tar"))
+    if not packs:
+        raise ConfigError(f"{data}: no packs of pictures (*.tar) there")
+    run(Path(args.weights), load(packs, split="val"), print)
+    return 0
+
+
+def ablate(args: argparse.Namespace) -> int:
+    """Train and score the paper's ablations, and print the table."""
+    values = _settings(Path(args.settings))
+    from tracker.train.ablation import ablate as run
+
+    table = run(values, Path(args.data), Path(args.dataset), Path(args.out), print)
+    print(table.read_text(encoding="utf-8"))
+    return 0
 
 
 def _settings(path: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from tracker.confidence import ConfidenceError, ConfidenceModel
 from tracker.configs import ConfigError, LatentProvider, NetworkConfig, TrackerConfig
 from tracker.network.climrt import ClimRT
 from tracker.online import ClimRTTracker
@@ -42,6 +43,12 @@ class Manifest:
     sha256: str
     parts: tuple[str, ...]
     extra: dict[str, Any]
+
+    @property
+    def confidence(self) -> ConfidenceModel | None:
+        """From evidence to probability, where it was calibrated. Raises ConfidenceError."""
+        values = self.extra.get("confidence")
+        return ConfidenceModel.from_dict(values) if values is not None else None
 
 
 def save(
@@ -87,10 +94,15 @@ def save_tensors(
         "parts": list(parts),
         **(manifest_extra or {}),
     }
-    text = json.dumps(manifest, indent=2) + "\n"
     os.replace(temporary, path)
-    _manifest_path(path).write_text(text, encoding="utf-8")
+    _write_json(_manifest_path(path), manifest)
     return path
+
+
+def _write_json(path: Path, values: Mapping[str, Any]) -> None:
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
 
 
 def read_manifest(path: str | Path) -> Manifest:
@@ -117,6 +129,18 @@ def read_manifest(path: str | Path) -> Manifest:
         )
     except (KeyError, TypeError, ConfigError) as error:
         raise WeightsError(f"{source}: is incomplete or malformed: {error}") from error
+
+
+def amend(path: str | Path, extra: Mapping[str, Any], tracker: TrackerConfig | None = None) -> None:
+    """Put entries into a weights file's manifest, and another tracker configuration where one is given.
+
+    Raises WeightsError where there is no manifest to amend.
+    """
+    manifest = read_manifest(path)
+    source = _manifest_path(Path(path))
+    values = json.loads(source.read_text(encoding="utf-8"))
+    values |= {"tracker": (tracker or manifest.tracker).to_dict(), **extra}
+    _write_json(source, values)
 
 
 def load_network(path: str | Path) -> ClimRT:
@@ -171,7 +195,11 @@ def load_tracker(
     config = manifest.tracker if latent is None else replace(manifest.tracker, latent=latent)
     if latent_interval is not None:
         config = replace(config, latent_interval=latent_interval)
-    return ClimRTTracker(load_network(path), config, threads=threads)
+    try:
+        confidence = manifest.confidence
+    except ConfidenceError as error:
+        raise WeightsError(f"{_manifest_path(path)}: {error}") from error
+    return ClimRTTracker(load_network(path), config, confidence=confidence, threads=threads)
 
 
 def expected_tensors(network: ClimRT, parts: tuple[str, ...]) -> dict[str, Tensor]:
