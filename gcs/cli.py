@@ -145,6 +145,7 @@ def _add_weights(commands: Commands, common: Parser) -> None:
     p.set_defaults(handler="gcs.cli_weights:info")
     p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE")
     _add_train(actions, common)
+    _add_ablate(actions, common)
     text = "fit the confidence to held-out clips, as a probability that the box is right; goes into the manifest"
     p = actions.add_parser("calibrate", help=text, description=text, parents=[common])
     p.set_defaults(handler="gcs.cli_weights:calibrate")
