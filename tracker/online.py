@@ -59,21 +59,21 @@ class Evidence:
     """What one frame's answer is judged by.
 
     relative_score: score over its median at the track's beginning. heard: response of the correlation filter at
-    the box (0 without one). layer4, layer5, colour: likeness to the target's first appearance (0 without re-detection).
+    the box (0 without one). features, colour: likeness of the backbone's features and of the colours to the
+    target's first appearance (0 without re-detection).
     """
 
     relative_score: float
     heard: float
-    layer4: float
-    layer5: float
+    features: float
     colour: float
 
-    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard", "layer4", "layer5", "colour")
+    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard", "features", "colour")
 
     @property
     def values(self) -> tuple[float, ...]:
         """In the order of NAMES."""
-        return (self.relative_score, self.heard, self.layer4, self.layer5, self.colour)
+        return (self.relative_score, self.heard, self.features, self.colour)
 
 
 class ClimRTTracker:
@@ -187,7 +187,7 @@ class ClimRTTracker:
         """Confidence, 0..1, in this frame's box."""
         relative = self._relative.update(decoded.score)
         alike = self._recovery.likeness(frame_bgr, decoded.box) if self._recovery is not None else Likeness(0, 0, 0)
-        self.evidence = Evidence(relative, decoded.heard, alike.layer4, alike.layer5, alike.colour)
+        self.evidence = Evidence(relative, decoded.heard, (alike.layer4 + alike.layer5) / 2, alike.colour)
         if self._model is None:
             return min(1.0, relative)
         return self._model.probability(self.evidence.values)

@@ -12,11 +12,12 @@ from tracker.box import TrackResult
 from tracker.online import ClimRTTracker, Evidence
 from tracker.train.clips import TruthClip, tracked_clips
 from tracker.train.pack import Imagery
-from tracker.train.rehearsal import composed_clip, hidden_for_a_while, observe
+from tracker.train.rehearsal import COMPOSED, composed_clip, hidden_for_a_while, observe
 from tracker.train.reliability import Reliability, draw, fit
 from tracker.weights import amend, load_network, read_manifest
 
 COMPOSED_CLIPS = 60
+REAL_WEIGHT = 5  # frames that were filmed count more than composed ones, of which there are as many as wanted
 CLIP_FRAMES = 40
 
 
@@ -31,8 +32,9 @@ def calibrate(weights: Path, held_out: Imagery, say: Callable[[str], None], *, s
     open_config = replace(config, lost_below=0.0)
     tracker = ClimRTTracker(load_network(weights), open_config)
     clips = rehearsal_clips(held_out, seed)
-    observed = observe(tracker, clips, evidence_of(tracker))
-    found = fit(observed.features, observed.good, observed.groups, Evidence.NAMES)
+    seen = observe(tracker, clips, evidence_of(tracker))
+    rows = np.repeat(np.arange(len(seen.good)), [REAL_WEIGHT if is_real(g) else 1 for g in seen.groups])
+    found = fit(seen.features[rows], seen.good[rows], seen.groups[rows], Evidence.NAMES)
     amend(weights, {"confidence": found.to_dict()})
     picture = draw(found, weights.with_name(f"{weights.stem}-reliability.png"))
     say(
@@ -49,6 +51,11 @@ def rehearsal_clips(held_out: Imagery, seed: int) -> list[TruthClip]:
     sceneries = [held_out.pyramids[i][1] for i in rng.integers(len(held_out), size=len(clips))]
     hidden = [hidden_for_a_while(c, s, rng) for c, s in zip(clips, sceneries, strict=True)]
     return clips + hidden + [composed_clip(held_out, seed * 1000 + i) for i in range(COMPOSED_CLIPS)]
+
+
+def is_real(group: str) -> bool:
+    """Whether the clip of this name was filmed, not composed."""
+    return not group.startswith(COMPOSED)
 
 
 def evidence_of(tracker: ClimRTTracker) -> Callable[[TrackResult], Sequence[float]]:

@@ -22,6 +22,7 @@ from tracker.train.warp import CutOut, Pose, cut_out, paste, warp_around
 HIDDEN_FRAC = 0.85  # of the box covered, or out of the picture: from here on nobody can see the target
 COVER = 1.35  # an occluder's side over the target's
 FRAME_PX = 352
+COMPOSED = "composed"  # how the names of composed clips begin
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ def composed_clip(imagery: Imagery, seed: int, frames: int = 40) -> TruthClip:
             hider = pose.box_of(cover.cutter)
         images.append(noise.add(image, strength, rng))
         truth.append(_seen_box(box, hider))
-    return TruthClip(f"composed:{seed}", images, np.array(truth))
+    return TruthClip(f"{COMPOSED}:{seed}", images, np.array(truth))
 
 
 @dataclass(frozen=True, slots=True)
