@@ -10,7 +10,6 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from tracker.appearance import Likeness
 from tracker.box import Box, TrackResult
 from tracker.confidence import ConfidenceModel, logistic
 from tracker.configs import TrackerConfig
@@ -59,21 +58,18 @@ class Evidence:
     """What one frame's answer is judged by.
 
     relative_score: score over its median at the track's beginning. heard: response of the correlation filter at
-    the box (0 without one). features, colour: likeness of the backbone's features and of the colours to the
-    target's first appearance (0 without re-detection).
+    the box, 0 without one. Likeness to the first frame is no such thing: over a flight the right target loses it.
     """
 
     relative_score: float
     heard: float
-    features: float
-    colour: float
 
-    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard", "features", "colour")
+    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard")
 
     @property
     def values(self) -> tuple[float, ...]:
         """In the order of NAMES."""
-        return (self.relative_score, self.heard, self.features, self.colour)
+        return (self.relative_score, self.heard)
 
 
 class ClimRTTracker:
@@ -172,7 +168,7 @@ class ClimRTTracker:
         if self._recovery is not None and self._hidden_frames:
             return self._searched(frame_bgr, self._recovery)
         decoded = self._step(frame_bgr, self._template)
-        confidence = self._judged(frame_bgr, decoded)
+        confidence = self._judged(decoded)
         is_hidden = self._is_hidden(decoded.box, confidence)
         self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
         if self._recovery is not None and is_hidden:
@@ -183,13 +179,11 @@ class ClimRTTracker:
             self._taught(frame_bgr, decoded, confidence)
         return TrackResult(decoded.box, decoded.score, confidence, visible=not is_hidden)
 
-    def _judged(self, frame_bgr: Image, decoded: Decoded) -> float:
+    def _judged(self, decoded: Decoded) -> float:
         """Confidence, 0..1, in this frame's box."""
-        relative = self._relative.update(decoded.score)
-        alike = self._recovery.likeness(frame_bgr, decoded.box) if self._recovery is not None else Likeness(0, 0, 0)
-        self.evidence = Evidence(relative, decoded.heard, (alike.layer4 + alike.layer5) / 2, alike.colour)
+        self.evidence = Evidence(self._relative.update(decoded.score), decoded.heard)
         if self._model is None:
-            return min(1.0, relative)
+            return min(1.0, self.evidence.relative_score)
         return self._model.probability(self.evidence.values)
 
     def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
-from tracker.appearance import Likeness
 from tracker.box import Box
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
@@ -40,10 +39,6 @@ class Recovery:
         self._size = box
         self._seen_frames = 0
         self.seen(frame_bgr, box)
-
-    def likeness(self, frame_bgr: Image, box: Box) -> Likeness:
-        """How alike what is in the box is to the target in its first frame."""
-        return self._redetector.likeness(frame_bgr, box)
 
     def seen(self, frame_bgr: Image, box: Box, *, surely: bool = False) -> None:
         """The target is in this box; surely: so that what is beside it is known to be something else."""
