@@ -10,8 +10,9 @@ import torch
 
 from tests.tracker import two_processes
 from tracker.configs import NETWORKS
-from tracker.train.config import Precision, TrainConfigError
+from tracker.train.config import Precision, StageKind, TrainConfigError
 from tracker.train.devices import Team, assemble, in_bf16
+from tracker.train.loop import Run
 
 ROOT = Path(__file__).parents[2]
 CPU = torch.device("cpu")
@@ -35,6 +36,17 @@ def test_two_processes_learn_as_one_with_the_doubled_batch(tmp_path: Path, monke
             assert _farthest(first, second, part) == 0
             assert _farthest(first, whole, part) < 2e-5
             assert _farthest(half, whole, part) > 2e-4  # the other half did matter
+
+
+@pytest.mark.parametrize("kind", [k.value for k in StageKind])
+def test_everything_that_learns_gets_a_gradient(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes wait for the gradients of all that learns: one without would hold them up."""
+    monkeypatch.setitem(NETWORKS, "tiny", two_processes.TINY)
+    run = Run(two_processes.config(kind), tmp_path, Team(CPU), print)
+    loss, _ = run.loss({k: v[:1] for k, v in two_processes.drawn_batch(0).items()})
+    loss.backward()
+    assert not [name for name, p in run.learner.named_parameters() if p.requires_grad and p.grad is None]
+    assert any(p.grad is not None for p in run.learner.parameters())
 
 
 def _farthest(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor], part: str) -> float:

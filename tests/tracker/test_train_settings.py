@@ -1,11 +1,13 @@
 """The settings that ship can be used as they are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
 import tracker.train
+from tracker.configs import COMPACT, NETWORKS
 from tracker.train.config import StageKind, TrainConfig, TrainConfigError
 
 FILES = sorted(Path(tracker.train.__file__).parent.glob("*.yaml"))
@@ -33,6 +35,12 @@ def test_every_kind_of_settings_ships() -> None:
 def test_the_gpu_settings_fit_slots_of_nine_minutes() -> None:
     assert all(stage.minutes < 9 for stage in _read("gpu").stages)
     assert _read("gpu").stages[0].kind is StageKind.BACKBONE
+
+
+def test_a_network_without_climnet_has_no_such_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(NETWORKS, "lean", replace(COMPACT, climnet=None))
+    with pytest.raises(TrainConfigError, match="lean has no ClimNet"):
+        TrainConfig.from_dict({"network": "lean", "stages": [{"kind": "climnet", "minutes": 1}]})
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ HALF, STEPS = 2, 2
 
 
 def config(kind: str) -> TrainConfig:
-    stage = {"kind": kind, "steps": 100, "batch": HALF, "learning_rate": 0.05, "optimizer": "sgd"}
+    stage = {"kind": kind, "steps": 100, "batch": HALF, "learning_rate": 0.05, "optimizer": "sgd", "patch_px": 64}
     values = {"network": "tiny", "threads": 1, "precision": "fp32", "warmup_steps": 1, "cross_negative_weight": 0.0}
     return TrainConfig.from_dict({**values, "seed": 4, "stages": [stage]})
 
@@ -53,11 +53,7 @@ def learn(kind: str, folder: Path, team: Team, share: slice) -> dict[str, torch.
         if isinstance(module, nn.BatchNorm2d):
             module.eval()
     for step in range(STEPS):
-        small = slice(None) if kind != "climnet" else slice(0, 64)
-        batch = {k: v[share] for k, v in drawn_batch(step).items()}
-        if kind == "climnet":
-            batch = {k: batch[k][:, small, small] for k in ("previous", "search", "middle")}
-        run.step(batch)
+        run.step({k: v[share] for k, v in drawn_batch(step).items()})
         run.position.count(2 * HALF, 1.0)
     return run.network.state_dict()
 

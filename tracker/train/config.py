@@ -125,6 +125,9 @@ class TrainConfig:
     def __post_init__(self) -> None:
         _require(self.network in NETWORKS, "network", self.network, f"one of {', '.join(NETWORKS)}")
         _require(bool(self.stages), "stages", self.stages, "one at least")
+        interpolates = any(stage.kind is StageKind.CLIMNET for stage in self.stages)
+        has_climnet = NETWORKS[self.network].climnet is not None
+        _require(has_climnet or not interpolates, "stages", "climnet", f"none: network {self.network} has no ClimNet")
         _require(self.workers >= 0, "workers", self.workers, "zero or more")
         _require(self.threads > 0, "threads", self.threads, "over 0")
         _require(self.warmup_steps > 0, "warmup_steps", self.warmup_steps, "over 0")

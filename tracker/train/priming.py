@@ -53,6 +53,8 @@ def prime_climnet(network: ClimNet) -> None:
     """
     encoder, width = network.encoder, 2 * COLOURS
     stem, time = encoder.stem[0].weight, encoder.stem[3].weight
+    if min(len(stem), len(time)) < width:
+        return  # too narrow for it: begins as drawn
     _carry(stem, 3, [(c, c, 1.0) for c in range(COLOURS)] + [(COLOURS + c, c, -1.0) for c in range(COLOURS)])
     _carry(time, 0, [(c, c, 1.0) for c in range(width)])
     finest = encoder.layer1[0]
