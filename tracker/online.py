@@ -205,10 +205,12 @@ class ClimRTTracker:
             self._hidden_frames += 1
             self._box = recovery.expected
             return TrackResult(self._box, score, min(confidence, self.config.lost_below), visible=False)
-        self._hidden_frames, self._box = 0, found.box
+        # A place is believed sooner than a size: that is the one it had, until it is tracked again.
+        self._box = replace(recovery.expected, cx_px=found.box.cx_px, cy_px=found.box.cy_px)
+        self._hidden_frames = 0
         self._latent.reset()
-        recovery.seen(frame_bgr, found.box)
-        return TrackResult(found.box, found.score, logistic(found.log_odds))
+        recovery.seen(frame_bgr, self._box)
+        return TrackResult(self._box, found.score, logistic(found.log_odds))
 
     def look_at(self, cx_px: float, cy_px: float) -> None:
         """While the object is hidden: where to look for it in the next frame (centre, frame px).
