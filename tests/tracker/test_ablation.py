@@ -10,11 +10,13 @@ import cv2
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from tests.tracker.conftest import TINY, random_network
 from tests.tracker.packs import write_pack
 from tracker.configs import ClimNetConfig, Variant
 from tracker.eval.ope import Score
+from tracker.train import ablation_config
 from tracker.train.ablation import AblationRun, ablate
 from tracker.train.ablation_config import AblationConfig, EvaluationLatent
 from tracker.train.ablation_report import Cell, Spread, honest_note, rows_of
@@ -188,3 +190,10 @@ def test_the_note_follows_from_the_figures(gap: float, says: str) -> None:
 def test_one_seed_is_no_finding() -> None:
     config = AblationConfig(seeds=(1,), latent=EvaluationLatent.PREVIOUS)
     assert "nothing can be said" in honest_note(config, rows_of([cell(Variant.LCT, 1, 0.2)]))
+
+
+def test_the_settings_that_come_along_are_usable() -> None:
+    values = yaml.safe_load((Path(ablation_config.__file__).parent / "ablation.yaml").read_text())
+    config = AblationConfig.from_dict(values)
+    assert set(config.variants) == set(Variant)
+    assert AblationConfig.from_dict(config.to_dict()) == config

@@ -10,9 +10,13 @@ import torch
 
 from tests.tracker.conftest import TINY, random_network
 from tests.tracker.test_network import patches
-from tracker.configs import COMPACT, FULL, WIDE, NetworkConfig
+from tracker.configs import COMPACT, FULL, NETWORKS, WIDE, NetworkConfig
 from tracker.network.climrt import ClimRT
-from tracker.train.widen import WidenError, spread, widen, widened
+from tracker.train.checkpoint import start_from
+from tracker.train.config import Stage, StageKind, TrainConfig
+from tracker.train.devices import Team
+from tracker.train.loop import Run
+from tracker.train.widen import WidenError, can_widen, spread, widen, widened
 from tracker.weights import DATA, save
 
 NARROW = replace(TINY, cross_attention_residual=True)
@@ -87,3 +91,23 @@ def test_the_papers_own_layout_is_refused(tmp_path: Path) -> None:
     path = save(tmp_path / "narrow.safetensors", random_network(replace(NARROW, climnet=None)))
     with pytest.raises(WidenError, match="heads"):
         widened(path, FULL)
+
+
+def test_a_wide_run_starts_from_narrow_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(NETWORKS, "broad", BROAD)
+    narrow = random_network(replace(NARROW, climnet=None))
+    path = save(tmp_path / "narrow.safetensors", narrow)
+    stages = (Stage(StageKind.JOINT, steps=1),)
+    run = Run(TrainConfig(network="broad", stages=stages), tmp_path / "run", Team(torch.device("cpu")), str)
+    said = start_from(run, str(path))
+    assert "the backbone taken, ClimNet is not in it: begins anew, the grader taken" in said
+    for network in (run.network.eval(), run.average):
+        for ours, reference in zip(outputs(network), outputs(narrow), strict=True):
+            torch.testing.assert_close(ours, reference, rtol=0, atol=1e-4)
+
+
+def test_only_wider_networks_of_the_same_kind_are_widened_to() -> None:
+    assert can_widen(COMPACT, WIDE)
+    assert not can_widen(COMPACT, COMPACT)
+    assert not can_widen(COMPACT, FULL)
+    assert not can_widen(WIDE, COMPACT)

@@ -14,6 +14,7 @@ import torch
 
 from tracker.network.climrt import ClimRT
 from tracker.train.schedule import Position
+from tracker.train.widen import can_widen, widen
 from tracker.weights import DATA, PARTS, load_parts, read_manifest
 
 if TYPE_CHECKING:
@@ -76,10 +77,11 @@ def resume(run: Run, path: Path) -> None:
 def start_from(run: Run, source: str) -> str:
     """Begin a new schedule with the weights of a checkpoint (.pt, its averaged ones), weights file or shipped name.
 
+    A weights file of a narrower network is widened where that changes nothing it says (tracker.train.widen).
     Returns a line that says which parts fitted; a part most of which does not keeps its fresh values. Raises
     CheckpointError where none fits, WeightsError for a broken weights file.
     """
-    weights, response, samples = run.team.share(_source(source) if run.team.leads else None)
+    weights, response, samples = run.team.share(_source(source, run) if run.team.leads else None)
     own = run.network.state_dict()
     fitting = _fitting(own, weights)
     if not fitting:
@@ -92,11 +94,11 @@ def start_from(run: Run, source: str) -> str:
     return f"starting from {source} ({samples} samples seen): {_fits(own, fitting, weights)}"
 
 
-def _source(source: str) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor], int]:
+def _source(source: str, run: Run) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor], int]:
     """Network weights, the response's, and how many samples they have seen."""
     path = Path(source)
     if path.suffix == ".safetensors" or not path.suffix:
-        return _weights(path if path.suffix else DATA / f"{source}.safetensors")
+        return _weights(path if path.suffix else DATA / f"{source}.safetensors", run)
     state = read(path)
     try:
         return state["average"], state["response"], int(state["position"][3])
@@ -104,10 +106,14 @@ def _source(source: str) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tenso
         raise CheckpointError(f"{source}: not a training checkpoint (no {_first_line(error)})") from error
 
 
-def _weights(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor], int]:
+def _weights(path: Path, run: Run) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor], int]:
     manifest = read_manifest(path)
     network = ClimRT(manifest.network)
     parts = load_parts(path, network)
+    if can_widen(manifest.network, run.network.config):
+        network = widen(network, run.network.config, seed=run.config.seed)
+        if manifest.network.climnet != run.network.config.climnet:
+            parts = tuple(part for part in parts if part != "internet")  # drawn anew, as if it were not in it
     tensors = {k: v for k, v in network.state_dict().items() if k.split(".", 1)[0] in parts}
     return tensors, {}, int(manifest.extra.get("samples", 0))
 

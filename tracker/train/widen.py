@@ -47,6 +47,17 @@ def widen(narrow: ClimRT, config: NetworkConfig, *, seed: int = 0, noise_frac: f
     return wide
 
 
+def can_widen(narrow: NetworkConfig, wide: NetworkConfig) -> bool:
+    """Whether the other configuration is a wider one that a network of the first can become exactly."""
+    if narrow.backbone_channels == wide.backbone_channels and narrow.hidden == wide.hidden:
+        return False
+    try:
+        check(narrow, wide)
+    except WidenError:
+        return False
+    return True
+
+
 def check(narrow: NetworkConfig, wide: NetworkConfig) -> None:
     """Raises WidenError where a narrow network has no exact likeness in the wide configuration."""
     same = ("heads", "head_convs", "legacy_layout", "cross_attention_residual", "input_mean", "input_scale", "variant")
