@@ -148,10 +148,11 @@ class TrackerConfig:
     input lies (the paper's m). clip_rate: clip the smoothing rate to 0..1 (the authors do not).
     calibrate: measure the network's bias in place and size on the first frame, take it out of all others
     (the authors do not).
-    lost_below, found_above: confidence under which the object is taken for hidden, and from which it is
-    believed to be back, if near where it is looked for (the authors have no such state: 0, 0).
+    lost_below, found_above: score, relative to the track's beginning, under which the object is taken for hidden,
+    and from which it is believed to be back, if near where it is looked for (the authors have no such state: 0, 0).
     filter_weight, filter_share: what the correlation filter learned on line counts in choosing the cell, and
     in placing the box's centre, 0..1 (the authors have none: 0, 0).
+    sure_above: confidence from which filter and re-detection learn from a frame.
     redetect: look for a hidden object over the whole frame, and prove it before it is believed.
     """
 
@@ -176,6 +177,7 @@ class TrackerConfig:
     found_above: float = 0.0
     filter_weight: float = 0.0
     filter_share: float = 0.0
+    sure_above: float = 0.6
     redetect: bool = False
 
     @property
@@ -189,7 +191,7 @@ class TrackerConfig:
             value = getattr(self, field)
             _require(0 <= value < 10, field, value, "in 0..10")
         _require(0 <= self.lost_below <= self.found_above <= 1, "lost_below", self.lost_below, "in 0..found_above..1")
-        for field in ("filter_weight", "filter_share"):
+        for field in ("filter_weight", "filter_share", "sure_above"):
             _require(0 <= getattr(self, field) <= 1, field, getattr(self, field), "in 0..1")
         _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
 

@@ -168,8 +168,8 @@ class ClimRTTracker:
         if self._recovery is not None and self._hidden_frames:
             return self._searched(frame_bgr, self._recovery)
         decoded = self._step(frame_bgr, self._template)
-        confidence = self._judged(decoded)
-        is_hidden = self._is_hidden(decoded.box, confidence)
+        relative, confidence = self._judged(decoded)
+        is_hidden = self._is_hidden(decoded.box, relative)
         self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
         if self._recovery is not None and is_hidden:
             self._recovery.lose(frame_bgr)
@@ -179,16 +179,15 @@ class ClimRTTracker:
             self._taught(frame_bgr, decoded, confidence)
         return TrackResult(decoded.box, decoded.score, confidence, visible=not is_hidden)
 
-    def _judged(self, decoded: Decoded) -> float:
-        """Confidence, 0..1, in this frame's box."""
+    def _judged(self, decoded: Decoded) -> tuple[float, float]:
+        """Relative score, at most 1, and confidence, 0..1, in this frame's box."""
         self.evidence = Evidence(self._relative.update(decoded.score), decoded.heard)
-        if self._model is None:
-            return min(1.0, self.evidence.relative_score)
-        return self._model.probability(self.evidence.values)
+        relative = min(1.0, self.evidence.relative_score)
+        return relative, relative if self._model is None else self._model.probability(self.evidence.values)
 
     def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:
         """Filter and recovery learn from a frame in which the target is for sure."""
-        surely = confidence >= self.config.found_above
+        surely = confidence >= self.config.sure_above
         if self._recovery is not None:
             self._recovery.seen(frame_bgr, decoded.box, surely=surely)
         if self._filter is not None and surely and self._frames % LEARN_EVERY == 0:
@@ -223,13 +222,13 @@ class ClimRTTracker:
         if self._recovery is not None:
             self._recovery.expect(cx_px, cy_px)
 
-    def _is_hidden(self, found: Box, confidence: float) -> bool:
-        """Hysteresis in confidence; what is believed to be back must lie near, less near as time goes by."""
+    def _is_hidden(self, found: Box, relative: float) -> bool:
+        """Hysteresis in the relative score; what is believed to be back must lie near, less near as time goes by."""
         if not self._hidden_frames:
-            return confidence < self.config.lost_below
+            return relative < self.config.lost_below
         reach_px = (1 + REACH_PER_FRAME * self._hidden_frames) * (self._box.w_px + self._box.h_px) / 2
         distance_px = math.hypot(found.cx_px - self._box.cx_px, found.cy_px - self._box.cy_px)
-        return confidence < self.config.found_above or distance_px > reach_px
+        return relative < self.config.found_above or distance_px > reach_px
 
     def _search_patch(self, frame_bgr: Image) -> tuple[Tensor, float]:
         """The square that is searched, as the network takes it, and patch px per frame px."""
