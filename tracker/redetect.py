@@ -18,10 +18,11 @@ from tracker.crop import Colour, Image, context_side_px, crop, mean_colour
 from tracker.decode import Calibration, Decoded, decode
 from tracker.motion import Homography, carry
 from tracker.network.climrt import ClimRT, Features
-from tracker.search_map import SearchMap
+from tracker.search_map import DRIFT_PER_FRAME, START_SPREAD, SearchMap
 
 PEAK_SPACING = 0.8  # of the box's sides, between two peaks in one window
 RECENT_VIEWS = 3
+PATIENCE = 4  # looks in a row at a candidate that may be the target and does not prove it
 SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 SAME_PLACE = 0.7  # mean sides a candidate may move over the ground between two looks
 DISTRACTOR_SCORE = 0.3  # of the target's own first score: what scores less is no danger
@@ -33,21 +34,26 @@ SIZE_RANGE = (0.5, 2.0)  # a size further from the last one is not taken over
 class RedetectConfig:
     """Bounds and thresholds of re-detection.
 
-    windows_per_frame: search windows looked at in a frame, one network pass each. peaks_per_window: candidates
-    taken from each, one template pass each. recheck_above: log-odds from which a candidate is looked at again
-    in the next frame; believe_above, looks: the log-odds that it must reach in this many frames in a row to
-    be believed. recent_margin: what likeness to a later view of the target counts less than to the first one.
+    windows_per_frame: search windows looked at in a frame, one network pass each.
+    peaks_per_window: candidates taken from each, one template pass each.
+    recheck_above: log-odds from which a candidate is looked at again in the next frame.
+    believe_above, looks: mean log-odds, in so many frames in a row at the least, from which it is believed.
+    recent_margin: log-odds that likeness to a later view of the target counts less than to the first one.
     distractor_margin: a candidate must be this much more like the target than like any known distractor.
-    wide: how much larger the windows are in which the rest of the frame is searched.
+    most_for_place: log-odds that a candidate loses at most for being far from where the target should be.
+    near_wide, wide: how much larger than the tracker's own the windows are that look where the target is
+    expected, and in the rest of the frame.
     """
 
     windows_per_frame: int = 2
     peaks_per_window: int = 2
-    recheck_above: float = -1.0
-    believe_above: float = 1.0
+    recheck_above: float = -1.5
+    believe_above: float = 1.2
     looks: int = 2
     recent_margin: float = 0.5
     distractor_margin: float = 0.0
+    most_for_place: float = 1.0
+    near_wide: float = 1.5
     wide: float = 2.0
 
 
@@ -57,7 +63,8 @@ class Candidate:
 
     box: frame px. score: the network's. log_odds: that it is the target, from score and appearance. likeness:
     mean, to the view of the target most alike; distractor_likeness: to the most alike distractor, -1 if none
-    is known. looks: frames in a row in which it was good enough to be believed.
+    is known. looks: frames in a row in which it was likelier the target than not, and no distractor;
+    mean_log_odds: over these.
     """
 
     box: Box
@@ -66,6 +73,7 @@ class Candidate:
     likeness: float
     distractor_likeness: float
     looks: int = 0
+    mean_log_odds: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +89,8 @@ class Redetector:
 
     `remember` now and then while the target is seen for sure; `start` when it is lost, then `search` in each
     frame until that returns something believed. A frame costs at most windows_per_frame passes over search
-    patches, and peaks_per_window passes over template patches for each of them: the first looks where the
-    target is expected, or again at the last candidate, the others search the rest of the frame.
+    patches, and peaks_per_window passes over template patches for each of them. They look where the target is
+    expected, then again at the last candidate, then over the rest of the frame.
     """
 
     def __init__(
@@ -109,7 +117,7 @@ class Redetector:
         self._map: SearchMap | None = None
         self._tentative: Candidate | None = None
         self._told_px: tuple[float, float] | None = None
-        self._turn = 0
+        self._turn = self._lost_frames = 0
         self._size = box
         self._reference = max(MIN_REFERENCE, self._look(frame_bgr, box.cx_px, box.cy_px).score)
 
@@ -143,7 +151,7 @@ class Redetector:
     def start(self, frame_bgr: Image, expected: Box) -> None:
         """The target is lost, with this size, and expected here."""
         height, width = frame_bgr.shape[:2]
-        self._size, self._tentative, self._told_px = expected, None, None
+        self._size, self._tentative, self._told_px, self._lost_frames = expected, None, None, 0
         self._map = SearchMap((width, height), expected.cx_px, expected.cy_px, _side(expected))
 
     def search(
@@ -162,21 +170,44 @@ class Redetector:
         if self._map is None:
             raise ValueError("search before start: say first where the target was lost")
         self._map.move(motion, velocity_px)
+        self._lost_frames += 1
         again = self._carried(motion)
-        first = (again.cx_px, again.cy_px) if again is not None else self._told_px or expected_px
-        self._told_px = None
         found: list[Candidate] = []
-        for number in range(self.config.windows_per_frame):
-            if number == 0 and first is not None:
-                found += self._window(frame_bgr, self._map, *first, 1.0)
-            else:
-                wide = self.config.wide
-                found += self._window(frame_bgr, self._map, *self._map.best(self._reach_px(wide)), wide)
-        found.sort(key=lambda c: c.log_odds, reverse=True)
-        best = next((self._followed(c, again) for c in found if self._may_be(c)), None)
-        # What is no better at its second look must not keep the search from going on.
-        self._tentative = best if again is None or (best is not None and best.looks) else None
-        return Redetection(tuple(found), best if best is not None and best.looks >= self.config.looks else None)
+        for cx_px, cy_px, wide in islice(self._places(self._map, again, expected_px), self.config.windows_per_frame):
+            found += self._window(frame_bgr, self._map, cx_px, cy_px, wide)
+        if expected_px is not None:
+            found = [self._weighed(c, expected_px) for c in found]
+        found = [self._followed(c, again) for c in sorted(found, key=lambda c: c.log_odds, reverse=True)]
+        # From a wide window place and likeness are rough: worth a second look, but not for ever.
+        open_cases = (c for c in found if c.log_odds > self.config.recheck_above and not self._is_settled(c, again))
+        self._tentative = next(open_cases, None)
+        return Redetection(tuple(found), next((c for c in found if self._is_proved(c)), None))
+
+    def _places(
+        self, places: SearchMap, again: Box | None, expected_px: tuple[float, float] | None
+    ) -> Iterator[tuple[float, float, float]]:
+        """Where to look in this frame, and how wide, the most urgent first."""
+        told_px, self._told_px = self._told_px, None
+        first = told_px or expected_px
+        if first is not None:
+            yield *first, self.config.near_wide
+        if again is not None:
+            yield again.cx_px, again.cy_px, 1.0
+        wide = self.config.wide
+        while True:
+            yield *places.best(self._reach_px(wide)), wide
+
+    def _is_same(self, candidate: Candidate, before: Box | None) -> bool:
+        if before is None:
+            return False
+        away_px = math.hypot(candidate.box.cx_px - before.cx_px, candidate.box.cy_px - before.cy_px)
+        return away_px <= SAME_PLACE * _side(self._size)
+
+    def _is_settled(self, candidate: Candidate, before: Box | None) -> bool:
+        return self._is_same(candidate, before) and not 0 < candidate.looks < PATIENCE
+
+    def _is_proved(self, candidate: Candidate) -> bool:
+        return candidate.looks >= self.config.looks and candidate.mean_log_odds > self.config.believe_above
 
     def _carried(self, motion: Homography | None) -> Box | None:
         """Where the last frame's candidate should be now."""
@@ -214,19 +245,23 @@ class Redetector:
         # At the size last known: it is steadier than that of a single cell, and features tell less of size.
         return self._describer.describe(frame_bgr, replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px))
 
-    def _may_be(self, candidate: Candidate) -> bool:
-        nearer_to_another = candidate.distractor_likeness > candidate.likeness - self.config.distractor_margin
-        return candidate.log_odds > self.config.recheck_above and not nearer_to_another
+    def _weighed(self, candidate: Candidate, expected_px: tuple[float, float]) -> Candidate:
+        """Less likely the further it is from where the target should be, as far as that is still known."""
+        away_px = math.hypot(candidate.box.cx_px - expected_px[0], candidate.box.cy_px - expected_px[1])
+        sigma_px = (START_SPREAD + DRIFT_PER_FRAME * math.sqrt(self._lost_frames)) * _side(self._size)
+        less = min(0.5 * (away_px / sigma_px) ** 2, self.config.most_for_place)
+        return replace(candidate, log_odds=candidate.log_odds - less)
 
     def _followed(self, candidate: Candidate, before: Box | None) -> Candidate:
         """The candidate with its good looks counted, on from the last frame's if it is at the same place."""
-        if candidate.log_odds <= self.config.believe_above:
+        is_like_another = candidate.distractor_likeness > candidate.likeness - self.config.distractor_margin
+        if candidate.log_odds <= 0 or is_like_another:
             return candidate
-        looks = 1
-        if before is not None and self._tentative is not None:
-            away_px = math.hypot(candidate.box.cx_px - before.cx_px, candidate.box.cy_px - before.cy_px)
-            looks += self._tentative.looks if away_px <= SAME_PLACE * _side(self._size) else 0
-        return replace(candidate, looks=looks)
+        earlier, looks, mean = self._tentative, 1, candidate.log_odds
+        if earlier is not None and self._is_same(candidate, before):
+            looks = earlier.looks + 1
+            mean = (earlier.mean_log_odds * earlier.looks + candidate.log_odds) / looks
+        return replace(candidate, looks=looks, mean_log_odds=mean)
 
     @torch.inference_mode()
     def _look(self, frame_bgr: Image, cx_px: float, cy_px: float, wide: float = 1.0) -> Decoded:
@@ -252,8 +287,8 @@ class Redetector:
             box = Box(
                 centre.cx_px + float(x[i]),
                 centre.cy_px + float(y[i]),
-                size.w_px * _between(float(w[i]) / size.w_px, *SIZE_RANGE),
-                size.h_px * _between(float(h[i]) / size.h_px, *SIZE_RANGE),
+                size.w_px * float(np.clip(w[i] / size.w_px, *SIZE_RANGE)),
+                size.h_px * float(np.clip(h[i] / size.h_px, *SIZE_RANGE)),
             )
             yield box, float(decoded.scores[i])
             near = np.hypot((x - x[i]) / size.w_px, (y - y[i]) / size.h_px) < PEAK_SPACING
@@ -262,7 +297,3 @@ class Redetector:
 
 def _side(box: Box) -> float:
     return (box.w_px + box.h_px) / 2
-
-
-def _between(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)
