@@ -17,6 +17,7 @@ from tracker.train.export import export
 from tracker.train.loop import Run
 from tracker.train.schedule import Position
 from tracker.train.siamese import SiameseResponse, response_labels, siamese_loss
+from tracker.train.validation import Examiner
 from tracker.weights import load_network, read_manifest
 
 CPU = Team(torch.device("cpu"))
@@ -25,8 +26,8 @@ SHORT = {
     "threads": 1,
     "packs": ["pack"],
     "stages": [
-        {"kind": "backbone", "minutes": 1, "steps": 2, "batch": 4},
-        {"kind": "joint", "minutes": 1, "steps": 3, "batch": 4},
+        {"kind": "backbone", "minutes": 1, "steps": 1, "batch": 2},
+        {"kind": "joint", "minutes": 1, "steps": 2, "batch": 2},
     ],
     "workers": 0,
     "validation_samples": 32,
@@ -39,26 +40,40 @@ def tiny_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(NETWORKS, "tiny", TINY)
 
 
+def write_data(folder: Path) -> Path:
+    """A folder with a pack, half of whose pictures are held out, and where they are from."""
+    records = write_pack(folder / "pack") / "pack.json"
+    records.write_text(records.read_text().replace('"split": "train"', '"split": "val"', 2))
+    (folder / "sources.csv").write_text("part,repository,commit,licence,tier,files\ndrawn,ours,1,CC0,A,6\n")
+    return folder
+
+
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    write_pack(tmp_path / "pack")
-    records = (tmp_path / "pack" / "pack.json").read_text()
-    write_pack(tmp_path / "pack")  # half of the pictures are held out
-    (tmp_path / "pack" / "pack.json").write_text(records.replace('"split": "train"', '"split": "val"', 2))
-    return tmp_path
+    return write_data(tmp_path)
 
 
-def test_a_whole_schedule_leaves_a_checkpoint_a_log_and_the_best(data: Path) -> None:
-    lines: list[str] = []
-    assert train(SHORT, data, data / "run", Options(), lines.append)
-    assert (data / "run" / "last.pt").exists()
-    assert (data / "run" / "best.pt").exists()
-    rows = list(csv.DictReader((data / "run" / "log.csv").open()))
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run whose schedule is done."""
+    folder = write_data(tmp_path_factory.mktemp("data"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(NETWORKS, "tiny", TINY)
+        assert train(SHORT, folder, folder / "run", Options(), lambda _: None)
+    return folder / "run"
+
+
+def test_a_whole_schedule_leaves_a_checkpoint_a_log_and_the_best(finished: Path) -> None:
+    left = {path.name for path in finished.iterdir()}
+    assert {"last.pt", "best.pt", "best_backbone.pt", "curves.png", "config.json"} <= left
+    assert {"samples_1_backbone.png", "samples_2_joint.png"} <= left
+    rows = list(csv.DictReader((finished / "log.csv").open()))
     assert rows[-1]["stage"] == "validation"
     assert 0 <= float(rows[-1]["mean_iou"]) <= 1
 
 
-def test_out_of_time_stops_and_resume_goes_on(data: Path) -> None:
+def test_out_of_time_stops_and_resume_goes_on(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Examiner, "examine", lambda *_: {})  # examining has tests of its own
     said: list[str] = []
     assert not train(SHORT, data, data / "run", Options(minutes=0.0), said.append)  # one step, then the time is up
     assert train(SHORT, data, data / "run", Options(resume=True), said.append)
@@ -128,14 +143,12 @@ def test_response_relates_every_search_to_every_template() -> None:
     assert response(search, template).shape == (2, 3, 3, 21, 21)
 
 
-def test_weights_come_out_with_where_they_come_from(data: Path) -> None:
-    (data / "sources.csv").write_text("part,repository,commit,licence,tier,files\ndrawn,ours,1,CC0,A,6\n")
-    assert train(SHORT, data, data / "run", Options(), lambda _: None)
-    manifest = read_manifest(data / "run" / "weights.safetensors")
+def test_weights_come_out_with_where_they_come_from(finished: Path) -> None:
+    manifest = read_manifest(finished / "weights.safetensors")
     assert manifest.extra["data"] == [{"part": "drawn", "repository": "ours", "licence": "CC0"}]
     assert manifest.extra["seed"] == 1
     assert manifest.parts == ("backbone", "grader")  # an untrained ClimNet does not ship
-    assert load_network(data / "run" / "weights.safetensors").internet is None
+    assert load_network(finished / "weights.safetensors").internet is None
 
 
 def test_export_of_another_file_is_refused(data: Path) -> None:
