@@ -150,6 +150,7 @@ class TrackerConfig:
     (the authors do not).
     lost_below, found_above: score, relative to the track's beginning, under which the object is taken for hidden,
     and from which it is believed to be back, if near where it is looked for (the authors have no such state: 0, 0).
+    doubt_below: filter's response, relative to what it was lately, under which the object is not to be seen.
     filter_weight, filter_share: what the correlation filter learned on line counts in choosing the cell, and
     in placing the box's centre, 0..1 (the authors have none: 0, 0).
     sure_above: confidence from which filter and re-detection learn from a frame.
@@ -178,6 +179,7 @@ class TrackerConfig:
     filter_weight: float = 0.0
     filter_share: float = 0.0
     sure_above: float = 0.6
+    doubt_below: float = 0.0
     redetect: bool = False
 
     @property
@@ -191,7 +193,7 @@ class TrackerConfig:
             value = getattr(self, field)
             _require(0 <= value < 10, field, value, "in 0..10")
         _require(0 <= self.lost_below <= self.found_above <= 1, "lost_below", self.lost_below, "in 0..found_above..1")
-        for field in ("filter_weight", "filter_share", "sure_above"):
+        for field in ("filter_weight", "filter_share", "sure_above", "doubt_below"):
             _require(0 <= getattr(self, field) <= 1, field, getattr(self, field), "in 0..1")
         _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import statistics
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -16,13 +14,13 @@ from tracker.configs import TrackerConfig
 from tracker.correlation_filter import CorrelationFilter, FilterConfig
 from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, crop, mean_colour
 from tracker.decode import Calibration, Decoded, decode
+from tracker.evidence import Evidence, Judge
 from tracker.latent import latent_source
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.inference import for_inference
-from tracker.recovery import Recovery
+from tracker.recovery import DOUBTFUL_FRAMES, Recovery
 
 MIN_INIT_SIDE_PX = 4.0
-REFERENCE_FRAMES = 10
 # A first guess further off than this is no bias but a miss.
 GAIN_RANGE = (0.5, 2.0)
 MAX_OFFSET_PX = 12.0
@@ -32,44 +30,6 @@ LEARN_EVERY = 5  # frames between two lessons of the correlation filter
 
 class NotInitialisedError(ValueError):
     """update was called before init."""
-
-
-class RelativeScore:
-    """Brings the unbounded score to the scale of the track's own beginning.
-
-    score / median of the first ten positive scores: 1 says as sure as at the start, 0.5 half as sure. A score
-    of zero or less, which no cell of a good match has, is 0.
-    """
-
-    def __init__(self) -> None:
-        self._first_scores: list[float] = []
-
-    def update(self, score: float) -> float:
-        """Relative score, 0 or more, of this frame's score."""
-        if not score > 0:
-            return 0.0
-        if len(self._first_scores) < REFERENCE_FRAMES:
-            self._first_scores.append(score)
-        return score / statistics.median(self._first_scores)
-
-
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """What one frame's answer is judged by.
-
-    relative_score: score over its median at the track's beginning. heard: response of the correlation filter at
-    the box, 0 without one. Likeness to the first frame is no such thing: over a flight the right target loses it.
-    """
-
-    relative_score: float
-    heard: float
-
-    NAMES: ClassVar[tuple[str, ...]] = ("relative_score", "heard")
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """In the order of NAMES."""
-        return (self.relative_score, self.heard)
 
 
 class ClimRTTracker:
@@ -98,13 +58,14 @@ class ClimRTTracker:
         self._device = next(network.parameters()).device
         self._latent = latent_source(self._network, config)
         self._model = confidence
+        self._judge = Judge(confidence)
         self._template: Features | None = None
         self._box = Box(0.0, 0.0, 0.0, 0.0)
         self._first_side_px = 0
         self._frames = 0
         self._hidden_frames = 0
+        self._doubtful_frames = 0
         self._fill: Colour = (0, 0, 0)
-        self._relative = RelativeScore()
         self._calibration: Calibration | None = None
         self._filter: CorrelationFilter | None = None
         self._reduced: Tensor | None = None
@@ -126,7 +87,8 @@ class ClimRTTracker:
         with torch.inference_mode():
             self._template = self._network.template(self._tensor(patch))
         self._box, self._first_side_px, self._fill = box, side_px, fill
-        self._relative, self._frames, self._hidden_frames, self.evidence = RelativeScore(), 0, 0, None
+        self._judge, self.evidence = Judge(self._model), None
+        self._frames = self._hidden_frames = self._doubtful_frames = 0
         self._filter = self._learned(frame_bgr) if config.has_filter else None
         self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
         self._recovery = None
@@ -168,22 +130,23 @@ class ClimRTTracker:
         if self._recovery is not None and self._hidden_frames:
             return self._searched(frame_bgr, self._recovery)
         decoded = self._step(frame_bgr, self._template)
-        relative, confidence = self._judged(decoded)
-        is_hidden = self._is_hidden(decoded.box, relative)
+        evidence = self._judge.judge(decoded.score, decoded.heard if self._filter is not None else None)
+        self.evidence, confidence = evidence, self._judge.confidence(evidence)
+        is_hidden = self._is_hidden(decoded.box, min(1.0, evidence.relative_score))
         self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
-        if self._recovery is not None and is_hidden:
+        is_doubtful = evidence.heard_ratio < self.config.doubt_below
+        self._doubtful_frames = self._doubtful_frames + 1 if is_doubtful else 0
+        if self._recovery is not None and (is_hidden or self._doubtful_frames >= DOUBTFUL_FRAMES):
             self._recovery.lose(frame_bgr)
+            self._hidden_frames, self._doubtful_frames = 1, 0
             return self._searched(frame_bgr, self._recovery, decoded.score, confidence)
         self._box = decoded.box
-        if not is_hidden:
+        if is_doubtful and self._recovery is not None:
+            self._recovery.doubted(frame_bgr)
+        elif not is_hidden and not is_doubtful:
+            self._judge.seen(evidence)
             self._taught(frame_bgr, decoded, confidence)
-        return TrackResult(decoded.box, decoded.score, confidence, visible=not is_hidden)
-
-    def _judged(self, decoded: Decoded) -> tuple[float, float]:
-        """Relative score, at most 1, and confidence, 0..1, in this frame's box."""
-        self.evidence = Evidence(self._relative.update(decoded.score), decoded.heard)
-        relative = min(1.0, self.evidence.relative_score)
-        return relative, relative if self._model is None else self._model.probability(self.evidence.values)
+        return TrackResult(decoded.box, decoded.score, confidence, visible=not (is_hidden or is_doubtful))
 
     def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:
         """Filter and recovery learn from a frame in which the target is for sure."""

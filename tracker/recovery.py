@@ -9,10 +9,11 @@ from tracker.box import Box
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Calibration
-from tracker.motion import PATH_FRAMES, Grey, StabilisedPath, background_motion, small_grey
+from tracker.motion import PATH_FRAMES, Grey, Homography, StabilisedPath, background_motion, small_grey
 from tracker.network.climrt import ClimRT, Features
 from tracker.redetect import Candidate, Redetector
 
+DOUBTFUL_FRAMES = 3  # in a row, after which the target is looked for elsewhere
 REMEMBER_EVERY = 10  # frames between two looks at what else is like the target
 
 
@@ -34,7 +35,8 @@ class Recovery:
         calibration: Calibration | None,
     ) -> None:
         self._redetector = Redetector(network, config, frame_bgr, box, template, calibration=calibration)
-        self._recent: deque[tuple[Grey, float, Box]] = deque(maxlen=PATH_FRAMES + 1)
+        # Grey picture, its scale, the target's box where it was seen, and where it is as far as is known.
+        self._recent: deque[tuple[Grey, float, Box | None, Box]] = deque(maxlen=PATH_FRAMES + DOUBTFUL_FRAMES)
         self._path = StabilisedPath()
         self._size = box
         self._seen_frames = 0
@@ -42,30 +44,34 @@ class Recovery:
 
     def seen(self, frame_bgr: Image, box: Box, *, surely: bool = False) -> None:
         """The target is in this box; surely: so that what is beside it is known to be something else."""
-        self._recent.append((*small_grey(frame_bgr), box))
+        self._recent.append((*small_grey(frame_bgr), box, box))
         self._seen_frames += 1
         if surely and self._seen_frames % REMEMBER_EVERY == 0:
             self._redetector.remember(frame_bgr, box)
 
+    def doubted(self, frame_bgr: Image) -> None:
+        """Whether the target was seen in this frame is not known yet."""
+        self._recent.append((*small_grey(frame_bgr), None, self._recent[-1][3]))
+
     def lose(self, frame_bgr: Image) -> None:
-        """The target was not found in this frame."""
+        """The target is not in this frame, where it was looked for; nor was it in those that were doubted."""
         self._path = StabilisedPath()
         frames = list(self._recent)
-        for i, (grey, scale, box) in enumerate(frames):
+        for i, (grey, scale, box, _) in enumerate(frames):
             if i:
-                self._path.move(background_motion(frames[i - 1][0], grey, scale, frames[i - 1][2]))
-            self._path.observe(box.cx_px, box.cy_px)
-        self._size = frames[-1][2]
-        self._redetector.start(frame_bgr, self._size)
+                self._path.move(_motion(frames[i - 1], grey, scale))
+            if box is not None:
+                self._path.observe(box.cx_px, box.cy_px)
+        self._size = frames[-1][3]
+        self._redetector.start(frame_bgr, self.expected)
 
     def search(self, frame_bgr: Image) -> Candidate | None:
         """Look into this frame; a candidate only when it has proved itself."""
         grey, scale = small_grey(frame_bgr)
-        previous, _, box = self._recent[-1]
-        motion = background_motion(previous, grey, scale, box) if previous.shape == grey.shape else None
+        motion = _motion(self._recent[-1], grey, scale)
         self._path.move(motion)
         found = self._redetector.search(frame_bgr, motion, self._path.velocity, self._path.expected())
-        self._recent.append((grey, scale, self.expected))
+        self._recent.append((grey, scale, None, self.expected))
         return found.believed
 
     @property
@@ -77,3 +83,8 @@ class Recovery:
     def expect(self, cx_px: float, cy_px: float) -> None:
         """Someone who knows better says where it should be in the last frame."""
         self._redetector.expect(cx_px, cy_px)
+
+
+def _motion(before: tuple[Grey, float, Box | None, Box], grey: Grey, scale: float) -> Homography | None:
+    """Of the background since then."""
+    return background_motion(before[0], grey, scale, before[3]) if before[0].shape == grey.shape else None

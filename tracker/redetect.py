@@ -89,8 +89,8 @@ class Redetector:
 
     `remember` now and then while the target is seen for sure; `start` when it is lost, then `search` in each
     frame until that returns something believed. A frame costs at most windows_per_frame passes over search
-    patches, and peaks_per_window passes over template patches for each of them. They look where the target is
-    expected, then again at the last candidate, then over the rest of the frame.
+    patches, and peaks_per_window passes over template patches for each of them. They look again at the last
+    candidate, where the target is expected, and over the rest of the frame.
     """
 
     def __init__(
@@ -179,20 +179,29 @@ class Redetector:
             found = [self._weighed(c, expected_px) for c in found]
         found = [self._followed(c, again) for c in sorted(found, key=lambda c: c.log_odds, reverse=True)]
         # From a wide window place and likeness are rough: worth a second look, but not for ever.
-        open_cases = (c for c in found if c.log_odds > self.config.recheck_above and not self._is_settled(c, again))
-        self._tentative = next(open_cases, None)
-        return Redetection(tuple(found), next((c for c in found if self._is_proved(c)), None))
+        worth_it = [c for c in found if c.log_odds > self.config.recheck_above]
+        self._tentative = next((c for c in worth_it if not self._is_settled(c, again)), None)
+        proved = next((c for c in found if self._is_proved(c)), None)
+        if proved is None:
+            self._reject(frame_bgr, [c for c in worth_it if c.looks >= PATIENCE])
+        return Redetection(tuple(found), proved)
+
+    def _reject(self, frame_bgr: Image, candidates: list[Candidate]) -> None:
+        """What was looked at often and did not prove itself is something else: it must not be looked at for ever."""
+        for candidate in candidates:
+            self._distractors.add(self._describe(frame_bgr, candidate.box))
 
     def _places(
         self, places: SearchMap, again: Box | None, expected_px: tuple[float, float] | None
     ) -> Iterator[tuple[float, float, float]]:
         """Where to look in this frame, and how wide, the most urgent first."""
         told_px, self._told_px = self._told_px, None
-        first = told_px or expected_px
-        if first is not None:
-            yield *first, self.config.near_wide
         if again is not None:
             yield again.cx_px, again.cy_px, 1.0
+        first = told_px or expected_px
+        # In every other frame at the latest, however much there is to look at here, the rest gets its turn.
+        if first is not None and (told_px is not None or again is None or self._lost_frames % 2):
+            yield *first, self.config.near_wide
         wide = self.config.wide
         while True:
             yield *places.best(self._reach_px(wide)), wide

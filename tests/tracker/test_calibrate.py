@@ -10,7 +10,7 @@ import pytest
 
 from tracker.box import Box
 from tracker.configs import COMPACT, LatentProvider, TrackerConfig
-from tracker.online import Evidence
+from tracker.evidence import Evidence
 from tracker.train import calibrate as module
 from tracker.train.calibrate import calibrate, rehearsal_clips
 from tracker.train.pack import load

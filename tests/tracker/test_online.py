@@ -13,9 +13,10 @@ from tracker.box import Box
 from tracker.configs import COMPACT, LatentProvider, TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Decoded
+from tracker.evidence import RelativeScore
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.heads import Predictions
-from tracker.online import ClimRTTracker, NotInitialisedError, RelativeScore
+from tracker.online import ClimRTTracker, NotInitialisedError
 from tracker.train.priming import initial_network
 
 

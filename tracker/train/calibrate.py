@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tracker.box import TrackResult
-from tracker.online import ClimRTTracker, Evidence
+from tracker.evidence import Evidence
+from tracker.online import ClimRTTracker
 from tracker.train.clips import TruthClip, tracked_clips
 from tracker.train.pack import Imagery
 from tracker.train.rehearsal import COMPOSED, composed_clip, hidden_for_a_while, observe
@@ -29,7 +30,7 @@ def calibrate(weights: Path, held_out: Imagery, say: Callable[[str], None], *, s
     """
     config = read_manifest(weights).tracker
     # Never taken for hidden: what is judged is every single answer, right or wrong.
-    open_config = replace(config, lost_below=0.0)
+    open_config = replace(config, lost_below=0.0, doubt_below=0.0)
     tracker = ClimRTTracker(load_network(weights), open_config)
     clips = rehearsal_clips(held_out, seed)
     seen = observe(tracker, clips, evidence_of(tracker))
