@@ -10,7 +10,8 @@ import tracker.train
 from tracker.configs import COMPACT, NETWORKS
 from tracker.train.config import StageKind, TrainConfig, TrainConfigError
 
-FILES = sorted(Path(tracker.train.__file__).parent.glob("*.yaml"))
+# The ablations' settings are of another kind (tracker.train.ablation_config).
+FILES = sorted(p for p in Path(tracker.train.__file__).parent.glob("*.yaml") if p.stem != "ablation")
 
 
 def _read(name: str) -> TrainConfig:
