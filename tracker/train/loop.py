@@ -279,7 +279,7 @@ class Run:
         speed = window.speed(now_s)
         all_s = stage_s + sum(self._length_s(s, speed) for s in self.config.stages[self.position.stage + 1 :])
         return (
-            f"{kind} {self.done():6.1%}  {self.progress.losses.text()}  {speed:.0f} samples/s "
+            f"{kind} {self.done():6.1%}  {self.progress.losses.text()}  {speed:.3g} samples/s "
             f"(waiting {window.waiting(now_s):.0%})  {minutes_text(stage_s)} left, {minutes_text(all_s)} in all"
         )
 

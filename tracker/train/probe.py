@@ -135,8 +135,8 @@ def report(costs: Costs, stage: Stage, config: TrainConfig, device: torch.device
     }
     parts = ", ".join(f"{name} {1e3 * s:.2f}" for name, s in ms.items())
     return [
-        f"{stage.kind.value}, batch {stage.batch} on {device.type}: one maker {costs.made_per_s:.0f} samples/s; "
-        f"ms a sample: {parts}; the whole {costs.whole_per_s:.0f} samples/s (waiting {costs.waiting_frac:.0%})",
+        f"{stage.kind.value}, batch {stage.batch} on {device.type}: one maker {costs.made_per_s:.3g} samples/s; "
+        f"ms a sample: {parts}; the whole {costs.whole_per_s:.3g} samples/s (waiting {costs.waiting_frac:.0%})",
         verdict(costs, stage, config, device, on_gpu),
     ]
 
@@ -150,7 +150,7 @@ def verdict(costs: Costs, stage: Stage, config: TrainConfig, device: torch.devic
         workers = max(config.workers + 1, round(able / costs.made_per_s + 0.5))
         other = ", or compose: gpu" if device.type == "cuda" else ""
         return (
-            f"The network starves: it could take {able:.0f} samples/s and gets {costs.whole_per_s:.0f}; "
+            f"The network starves: it could take {able:.3g} samples/s and gets {costs.whole_per_s:.3g}; "
             f"set workers: {workers} (now {config.workers}) if there are as many free cores{other}."
         )
     if costs.optimizer_s > 0.25 * costs.step_s:
@@ -160,8 +160,8 @@ def verdict(costs: Costs, stage: Stage, config: TrainConfig, device: torch.devic
         )
     if costs.whole_per_s < 0.7 * able:
         return (
-            f"Makers and network share the same cores: alone the network could take {able:.0f} samples/s, together "
-            f"it does {costs.whole_per_s:.0f}; set threads + workers (now {config.threads} + {config.workers}) "
+            f"Makers and network share the same cores: alone the network could take {able:.3g} samples/s, together "
+            f"it does {costs.whole_per_s:.3g}; set threads + workers (now {config.threads} + {config.workers}) "
             "to the number of cores."
         )
     more = f"raise threads (now {config.threads})" if device.type == "cpu" else f"raise batch ({stage.batch})"
