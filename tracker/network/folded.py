@@ -11,9 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tracker.network.climnet import ClimNet, Gate, GatedConv, GatedUpsampling, GhostConv, GSTCBlock, MSFusion
-
-MOMENTS = 2
+from tracker.network.climnet import MOMENTS, ClimNet, Gate, GatedConv, GatedUpsampling, GhostConv, GSTCBlock, MSFusion
 
 
 def per_moment(conv: nn.Conv3d) -> nn.Conv2d:

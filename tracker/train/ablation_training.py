@@ -112,12 +112,11 @@ def _prepare(network: ClimRT, stage: Stage, training: TrainConfig) -> torch.opti
 
 
 def _descend(optimizer: torch.optim.Optimizer, loss: Tensor, rate: float) -> None:
-    """One step; a loss that is not finite is left out."""
+    """One step; one whose gradients are not finite is left out."""
     optimizer.zero_grad(set_to_none=True)
-    if not torch.isfinite(loss):
-        return
     loss.backward()
     for group in optimizer.param_groups:
         group["lr"] = rate
-    torch.nn.utils.clip_grad_norm_([p for g in optimizer.param_groups for p in g["params"]], GRADIENT_CLIP)
-    optimizer.step()
+    parameters = [p for group in optimizer.param_groups for p in group["params"]]
+    if torch.isfinite(torch.nn.utils.clip_grad_norm_(parameters, GRADIENT_CLIP)):
+        optimizer.step()

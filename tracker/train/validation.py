@@ -222,6 +222,8 @@ def latent_figures(network: ClimRT, triplets: list[Triplet], device: torch.devic
 
 
 def psnr_db(guess: Tensor, truth: Tensor) -> float:
-    """Peak signal-to-noise ratio of grey levels 0..255, at most 60 dB."""
+    """Peak signal-to-noise ratio of grey levels 0..255, at most 60 dB; not a number where the guess is none."""
     error = (guess.float() - truth.float()).square().mean().item() / 255**2
+    if math.isnan(error):
+        return error
     return min(STILL_DB, -10 * math.log10(max(error, 1e-12)))
