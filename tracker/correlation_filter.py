@@ -67,8 +67,8 @@ class CorrelationFilter:
         middle = _middle(features)
         x = self._basis @ (middle.flatten(1) - self._mean)  # (K, H*W)
         length = x.norm(dim=0, keepdim=True)  # (1, H*W)
-        x = x / (length + 0.3 * length.mean())
-        return x.view(-1, *middle.shape[1:])
+        reduced: Tensor = x / (length + 0.3 * length.mean())
+        return reduced.view(-1, *middle.shape[1:])
 
     def response(self, reduced: Tensor) -> Response:
         """About 1 where the target's centre is, about 0 elsewhere: (22, 22)."""
@@ -82,6 +82,11 @@ class CorrelationFilter:
         rate = 1 - (1 - self.config.rate) ** frames
         self._power = torch.lerp(self._power, power, rate)
         self._wanted = torch.lerp(self._wanted, wanted, rate)
+        self._weights = self._solved()
+
+    def forget(self) -> None:
+        """Back to what the first frame taught."""
+        self._power, self._wanted = self._first
         self._weights = self._solved()
 
     def _equations(self, reduced: Tensor, centre_px: tuple[float, float]) -> tuple[Tensor, Tensor]:
@@ -127,10 +132,11 @@ def sample_response(response: Response, x_px: Places, y_px: Places) -> Places:
     return np.asarray(sampled[0], np.float64)
 
 
-def peak_near(response: Response, x_px: float, y_px: float) -> tuple[float, float]:
-    """Place (x, y), px from the patch's middle, of the response's highest point within 16 px of (x, y)."""
+def peak_near(response: Response, x_px: float, y_px: float) -> tuple[float, float, float]:
+    """Place (x, y), px from the patch's middle, of the response's highest point within 16 px of (x, y); its height."""
     offsets = np.arange(-PEAK_REACH_PX, PEAK_REACH_PX + 1, PEAK_STEP_PX)
     x, y = (grid.ravel() for grid in np.meshgrid(x_px + offsets, y_px + offsets))
     near = np.hypot(x - x_px, y - y_px) <= PEAK_REACH_PX
-    best = int(np.argmax(np.where(near, sample_response(response, x, y), -np.inf)))
-    return float(x[best]), float(y[best])
+    heights = np.where(near, sample_response(response, x, y), -np.inf)
+    best = int(np.argmax(heights))
+    return float(x[best]), float(y[best]), float(heights[best])

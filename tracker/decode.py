@@ -13,6 +13,7 @@ from tracker.configs import TrackerConfig
 from tracker.correlation_filter import Response, peak_near, sample_response
 
 Array = NDArray[np.float64]
+CLEAR_RESPONSE = 0.4  # of a correlation filter that knows what it sees
 RESPONSE_RANGE = (-0.2, 1.2)  # of a correlation filter; what is beyond says no more
 
 
@@ -72,8 +73,8 @@ def decode(
     penalties = _penalties(offsets[2], offsets[3], old.w_px * scale, old.h_px * scale, config.penalty_k)
     ranks = penalties * scores
     if response is not None:
-        heard = np.clip(sample_response(response, offsets[0], offsets[1]), *RESPONSE_RANGE)
-        ranks = (1 - config.filter_weight) * ranks + config.filter_weight * heard
+        heard_cells = np.clip(sample_response(response, offsets[0], offsets[1]), *RESPONSE_RANGE)
+        ranks = (1 - config.filter_weight) * ranks + config.filter_weight * heard_cells
     window = config.window_influence
     ranks = ranks * (1 - window) + _hann(config.grid_cells) * window
     usable = np.isfinite(ranks) & np.isfinite(offsets).all(0) & (offsets[2:] > 0).all(0)
@@ -85,8 +86,10 @@ def decode(
         rate = min(max(rate, 0.0), 1.0)
     found, heard = offsets[:, best].copy(), 0.0
     if response is not None:
-        peak = np.array(peak_near(response, float(found[0]), float(found[1])))
-        found[:2] += config.filter_share * (peak - found[:2])
+        *peak, height = peak_near(response, float(found[0]), float(found[1]))
+        # The less the filter is sure, the less it moves the box.
+        share = config.filter_share * min(max(height / CLEAR_RESPONSE, 0.0), 1.0)
+        found[:2] += share * (np.array(peak) - found[:2])
         heard = float(sample_response(response, found[:1], found[1:2])[0])
     box = _smoothed(old, found / scale, rate, frame_wh_px, config.min_size_px)
     centre_px = (float(found[0]), float(found[1]))

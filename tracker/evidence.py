@@ -78,6 +78,10 @@ class Judge:
             return min(1.0, evidence.relative_score)
         return self._model.probability(evidence.values)
 
+    def forget(self) -> None:
+        """The filter is another one from now on: what it usually says is not known."""
+        self._usual_heard = None
+
     def seen(self, evidence: Evidence) -> None:
         """The target was seen in this frame: its response is a usual one."""
         if self._usual_heard is not None:

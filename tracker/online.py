@@ -25,6 +25,8 @@ MIN_INIT_SIDE_PX = 4.0
 GAIN_RANGE = (0.5, 2.0)
 MAX_OFFSET_PX = 12.0
 REACH_PER_FRAME = 0.1  # mean sides of the box
+CLEARLY_HEARD = 0.6  # of the filter's usual response: such a target is not lost, whatever the network says
+REFOUND_FRAMES = 20  # for how many the frame counts in which the object was found again
 LEARN_EVERY = 5  # frames between two lessons of the correlation filter
 
 
@@ -65,6 +67,7 @@ class ClimRTTracker:
         self._frames = 0
         self._hidden_frames = 0
         self._doubtful_frames = 0
+        self._is_refound = False
         self._fill: Colour = (0, 0, 0)
         self._calibration: Calibration | None = None
         self._filter: CorrelationFilter | None = None
@@ -89,6 +92,7 @@ class ClimRTTracker:
         self._box, self._first_side_px, self._fill = box, side_px, fill
         self._judge, self.evidence = Judge(self._model), None
         self._frames = self._hidden_frames = self._doubtful_frames = 0
+        self._is_refound = False
         self._filter = self._learned(frame_bgr) if config.has_filter else None
         self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
         self._recovery = None
@@ -132,15 +136,21 @@ class ClimRTTracker:
         decoded = self._step(frame_bgr, self._template)
         evidence = self._judge.judge(decoded.score, decoded.heard if self._filter is not None else None)
         self.evidence, confidence = evidence, self._judge.confidence(evidence)
-        is_hidden = self._is_hidden(decoded.box, min(1.0, evidence.relative_score))
+        is_unheard = self._filter is None or evidence.heard_ratio < CLEARLY_HEARD
+        is_hidden = is_unheard and self._is_hidden(decoded.box, min(1.0, evidence.relative_score))
         self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
         is_doubtful = evidence.heard_ratio < self.config.doubt_below
         self._doubtful_frames = self._doubtful_frames + 1 if is_doubtful else 0
-        if self._recovery is not None and (is_hidden or self._doubtful_frames >= DOUBTFUL_FRAMES):
+        if self._recovery is not None and self._doubtful_frames >= DOUBTFUL_FRAMES and not is_hidden:
+            # The filter may just not know this view of it yet.
+            self._is_refound = self._recovery.resembles(frame_bgr, decoded.box, decoded.score)
+            is_hidden, self._doubtful_frames = not self._is_refound, 0
+        if self._recovery is not None and is_hidden:
             self._recovery.lose(frame_bgr)
             self._hidden_frames, self._doubtful_frames = 1, 0
             return self._searched(frame_bgr, self._recovery, decoded.score, confidence)
         self._box = decoded.box
+        is_doubtful = is_doubtful and not self._is_refound
         if is_doubtful and self._recovery is not None:
             self._recovery.doubted(frame_bgr)
         elif not is_hidden and not is_doubtful:
@@ -153,10 +163,15 @@ class ClimRTTracker:
         surely = confidence >= self.config.sure_above
         if self._recovery is not None:
             self._recovery.seen(frame_bgr, decoded.box, surely=surely)
-        if self._filter is not None and surely and self._frames % LEARN_EVERY == 0:
-            assert self._reduced is not None
-            with torch.inference_mode():
+        if self._filter is None or self._reduced is None:
+            return
+        with torch.inference_mode():
+            if self._is_refound:  # what it learned last may have been what hid the target
+                self._filter.forget()
+                self._filter.learn(self._reduced, decoded.centre_px, REFOUND_FRAMES)
+            elif surely and self._frames % LEARN_EVERY == 0:
                 self._filter.learn(self._reduced, decoded.centre_px, LEARN_EVERY)
+        self._is_refound = False
 
     def _searched(
         self, frame_bgr: Image, recovery: Recovery, score: float = 0.0, confidence: float = 0.0
@@ -167,10 +182,11 @@ class ClimRTTracker:
             self._hidden_frames += 1
             self._box = recovery.expected
             return TrackResult(self._box, score, min(confidence, self.config.lost_below), visible=False)
-        # A place is believed sooner than a size: that is the one it had, until it is tracked again.
-        self._box = replace(recovery.expected, cx_px=found.box.cx_px, cy_px=found.box.cy_px)
+        self._box = found.box
         self._hidden_frames = 0
         self._latent.reset()
+        self._judge.forget()
+        self._is_refound = True
         recovery.seen(frame_bgr, self._box)
         return TrackResult(self._box, found.score, logistic(found.log_odds))
 

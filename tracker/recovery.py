@@ -6,12 +6,13 @@ from collections import deque
 from dataclasses import replace
 
 from tracker.box import Box
+from tracker.candidates import Candidate
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Calibration
 from tracker.motion import PATH_FRAMES, Grey, Homography, StabilisedPath, background_motion, small_grey
 from tracker.network.climrt import ClimRT, Features
-from tracker.redetect import Candidate, Redetector
+from tracker.redetect import Redetector
 
 DOUBTFUL_FRAMES = 3  # in a row, after which the target is looked for elsewhere
 REMEMBER_EVERY = 10  # frames between two looks at what else is like the target
@@ -40,11 +41,11 @@ class Recovery:
         self._path = StabilisedPath()
         self._size = box
         self._seen_frames = 0
-        self.seen(frame_bgr, box)
+        self.seen(frame_bgr, box, surely=True)
 
     def seen(self, frame_bgr: Image, box: Box, *, surely: bool = False) -> None:
-        """The target is in this box; surely: so that what is beside it is known to be something else."""
-        self._recent.append((*small_grey(frame_bgr), box, box))
+        """The target is in this box; surely: so that its way, and what is beside it, can be learned from it."""
+        self._recent.append((*small_grey(frame_bgr), box if surely else None, box))
         self._seen_frames += 1
         if surely and self._seen_frames % REMEMBER_EVERY == 0:
             self._redetector.remember(frame_bgr, box)
@@ -52,6 +53,11 @@ class Recovery:
     def doubted(self, frame_bgr: Image) -> None:
         """Whether the target was seen in this frame is not known yet."""
         self._recent.append((*small_grey(frame_bgr), None, self._recent[-1][3]))
+
+    def resembles(self, frame_bgr: Image, box: Box, score: float) -> bool:
+        """Whether what is in this box looks rather like the target, now or of late, than like anything else."""
+        judged = self._redetector.judge(frame_bgr, box, score)
+        return judged.log_odds > 0 and judged.likeness > judged.distractor_likeness
 
     def lose(self, frame_bgr: Image) -> None:
         """The target is not in this frame, where it was looked for; nor was it in those that were doubted."""
@@ -63,6 +69,8 @@ class Recovery:
             if box is not None:
                 self._path.observe(box.cx_px, box.cy_px)
         self._size = frames[-1][3]
+        if self._path.expected() is None:
+            self._path.observe(self._size.cx_px, self._size.cy_px)
         self._redetector.start(frame_bgr, self.expected)
 
     def search(self, frame_bgr: Image) -> Candidate | None:
@@ -70,9 +78,18 @@ class Recovery:
         grey, scale = small_grey(frame_bgr)
         motion = _motion(self._recent[-1], grey, scale)
         self._path.move(motion)
+        self._keep_in_frame(frame_bgr.shape[1], frame_bgr.shape[0])
         found = self._redetector.search(frame_bgr, motion, self._path.velocity, self._path.expected())
         self._recent.append((grey, scale, None, self.expected))
         return found.believed
+
+    def _keep_in_frame(self, width_px: int, height_px: int) -> None:
+        """What has left the frame waits at its edge: further out no motion of the background is known."""
+        place = self._path.expected()
+        if place is None or (0 <= place[0] <= width_px and 0 <= place[1] <= height_px):
+            return
+        self._path = StabilisedPath()
+        self._path.observe(min(max(place[0], 0.0), width_px), min(max(place[1], 0.0), height_px))
 
     @property
     def expected(self) -> Box:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -13,6 +13,7 @@ import torch
 
 from tracker.appearance import Appearance, Describer, Distractors, Evidence, Likeness, likeness
 from tracker.box import Box
+from tracker.candidates import Candidate, RedetectConfig, Redetection
 from tracker.configs import TrackerConfig
 from tracker.crop import Colour, Image, context_side_px, crop, mean_colour
 from tracker.decode import Calibration, Decoded, decode
@@ -22,66 +23,15 @@ from tracker.search_map import DRIFT_PER_FRAME, START_SPREAD, SearchMap
 
 PEAK_SPACING = 0.8  # of the box's sides, between two peaks in one window
 RECENT_VIEWS = 3
+ZOOMS = (1.5, 1.0, 0.65, 1.0)  # parts of its last size in which a target is looked for, one after the other
+RECENT_FRAMES = 10  # in which what is known of the moment of loss fades
+ASIDE_FRAMES = 8
 PATIENCE = 4  # looks in a row at a candidate that may be the target and does not prove it
 SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 SAME_PLACE = 0.7  # mean sides a candidate may move over the ground between two looks
 DISTRACTOR_SCORE = 0.3  # of the target's own first score: what scores less is no danger
 MIN_REFERENCE = 0.05  # a first score below says that the network does not know the target at all
 SIZE_RANGE = (0.5, 2.0)  # a size further from the last one is not taken over
-
-
-@dataclass(frozen=True, slots=True)
-class RedetectConfig:
-    """Bounds and thresholds of re-detection.
-
-    windows_per_frame: search windows looked at in a frame, one network pass each.
-    peaks_per_window: candidates taken from each, one template pass each.
-    recheck_above: log-odds from which a candidate is looked at again in the next frame.
-    believe_above, looks: mean log-odds, in so many frames in a row at the least, from which it is believed.
-    recent_margin: log-odds that likeness to a later view of the target counts less than to the first one.
-    distractor_margin: a candidate must be this much more like the target than like any known distractor.
-    most_for_place: log-odds that a candidate loses at most for being far from where the target should be.
-    near_wide, wide: how much larger than the tracker's own the windows are that look where the target is
-    expected, and in the rest of the frame.
-    """
-
-    windows_per_frame: int = 2
-    peaks_per_window: int = 2
-    recheck_above: float = -1.5
-    believe_above: float = 1.2
-    looks: int = 2
-    recent_margin: float = 0.5
-    distractor_margin: float = 0.0
-    most_for_place: float = 1.0
-    near_wide: float = 1.5
-    wide: float = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """Something that may be the target.
-
-    box: frame px. score: the network's. log_odds: that it is the target, from score and appearance. likeness:
-    mean, to the view of the target most alike; distractor_likeness: to the most alike distractor, -1 if none
-    is known. looks: frames in a row in which it was likelier the target than not, and no distractor;
-    mean_log_odds: over these.
-    """
-
-    box: Box
-    score: float
-    log_odds: float
-    likeness: float
-    distractor_likeness: float
-    looks: int = 0
-    mean_log_odds: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Redetection:
-    """One frame's findings: candidates, likeliest first, and the one that is believed to be the target, or None."""
-
-    candidates: tuple[Candidate, ...]
-    believed: Candidate | None
 
 
 class Redetector:
@@ -117,7 +67,8 @@ class Redetector:
         self._map: SearchMap | None = None
         self._tentative: Candidate | None = None
         self._told_px: tuple[float, float] | None = None
-        self._turn = self._lost_frames = 0
+        self._turn = self._lost_frames = self._near_looks = 0
+        self._aside: tuple[Box, int] | None = None  # what did not prove itself, and for how many frames more
         self._size = box
         self._reference = max(MIN_REFERENCE, self._look(frame_bgr, box.cx_px, box.cy_px).score)
 
@@ -152,6 +103,7 @@ class Redetector:
         """The target is lost, with this size, and expected here."""
         height, width = frame_bgr.shape[:2]
         self._size, self._tentative, self._told_px, self._lost_frames = expected, None, None, 0
+        self._near_looks, self._aside = 0, None
         self._map = SearchMap((width, height), expected.cx_px, expected.cy_px, _side(expected))
 
     def search(
@@ -171,40 +123,47 @@ class Redetector:
             raise ValueError("search before start: say first where the target was lost")
         self._map.move(motion, velocity_px)
         self._lost_frames += 1
+        self._move_aside(motion)
         again = self._carried(motion)
         found: list[Candidate] = []
-        for cx_px, cy_px, wide in islice(self._places(self._map, again, expected_px), self.config.windows_per_frame):
-            found += self._window(frame_bgr, self._map, cx_px, cy_px, wide)
+        for look in islice(self._places(self._map, again, expected_px), self.config.windows_per_frame):
+            found += self._window(frame_bgr, self._map, *look)
         if expected_px is not None:
             found = [self._weighed(c, expected_px) for c in found]
         found = [self._followed(c, again) for c in sorted(found, key=lambda c: c.log_odds, reverse=True)]
         # From a wide window place and likeness are rough: worth a second look, but not for ever.
-        worth_it = [c for c in found if c.log_odds > self.config.recheck_above]
+        worth_it = (c for c in found if c.log_odds > self.config.recheck_above and not self._is_aside(c))
         self._tentative = next((c for c in worth_it if not self._is_settled(c, again)), None)
-        proved = next((c for c in found if self._is_proved(c)), None)
-        if proved is None:
-            self._reject(frame_bgr, [c for c in worth_it if c.looks >= PATIENCE])
-        return Redetection(tuple(found), proved)
+        if self._aside is None:
+            tried = next((c for c in found if c.looks >= PATIENCE), None)
+            self._aside = (tried.box, ASIDE_FRAMES) if tried is not None else None
+        return Redetection(tuple(found), next((c for c in found if self._is_proved(c)), None))
 
-    def _reject(self, frame_bgr: Image, candidates: list[Candidate]) -> None:
-        """What was looked at often and did not prove itself is something else: it must not be looked at for ever."""
-        for candidate in candidates:
-            self._distractors.add(self._describe(frame_bgr, candidate.box))
+    def _is_aside(self, candidate: Candidate) -> bool:
+        """Whether it was looked at often of late and did not prove itself: others have their turn first."""
+        return self._aside is not None and self._is_same(candidate, self._aside[0])
+
+    def _move_aside(self, motion: Homography | None) -> None:
+        if self._aside is not None:
+            box, frames = self._aside
+            box = carry(box, motion) if motion is not None else box
+            self._aside = (box, frames - 1) if frames > 1 else None
 
     def _places(
         self, places: SearchMap, again: Box | None, expected_px: tuple[float, float] | None
-    ) -> Iterator[tuple[float, float, float]]:
-        """Where to look in this frame, and how wide, the most urgent first."""
+    ) -> Iterator[tuple[float, float, float, float]]:
+        """Where to look in this frame, how wide, and for which part of the last size, the most urgent first."""
         told_px, self._told_px = self._told_px, None
         if again is not None:
-            yield again.cx_px, again.cy_px, 1.0
+            yield again.cx_px, again.cy_px, 1.0, again.w_px / self._size.w_px
         first = told_px or expected_px
         # In every other frame at the latest, however much there is to look at here, the rest gets its turn.
         if first is not None and (told_px is not None or again is None or self._lost_frames % 2):
-            yield *first, self.config.near_wide
+            self._near_looks += 1
+            yield *first, self.config.near_wide, ZOOMS[self._near_looks % len(ZOOMS)]
         wide = self.config.wide
         while True:
-            yield *places.best(self._reach_px(wide)), wide
+            yield *places.best(self._reach_px(wide)), wide, 1.0
 
     def _is_same(self, candidate: Candidate, before: Box | None) -> bool:
         if before is None:
@@ -216,7 +175,8 @@ class Redetector:
         return self._is_same(candidate, before) and not 0 < candidate.looks < PATIENCE
 
     def _is_proved(self, candidate: Candidate) -> bool:
-        return candidate.looks >= self.config.looks and candidate.mean_log_odds > self.config.believe_above
+        enough = self.config.believe_in_time if candidate.looks >= PATIENCE else self.config.believe_above
+        return candidate.looks >= self.config.looks and candidate.mean_log_odds > enough
 
     def _carried(self, motion: Homography | None) -> Box | None:
         """Where the last frame's candidate should be now."""
@@ -233,14 +193,25 @@ class Redetector:
         """Patch px per frame px."""
         return self._tracker.exemplar_px / context_side_px(self._size.w_px, self._size.h_px, self._tracker.context_frac)
 
-    def _window(self, frame_bgr: Image, places: SearchMap, cx_px: float, cy_px: float, wide: float) -> list[Candidate]:
-        decoded = self._look(frame_bgr, cx_px, cy_px, wide)
-        places.looked(cx_px, cy_px, self._reach_px(wide))
-        centre = replace(self._size, cx_px=cx_px, cy_px=cy_px)
-        peaks = islice(self._peaks(decoded, centre, wide), self.config.peaks_per_window)
-        return [self._judged(frame_bgr, box, score) for box, score in peaks]
+    def _window(
+        self, frame_bgr: Image, places: SearchMap, cx_px: float, cy_px: float, wide: float, zoom: float
+    ) -> list[Candidate]:
+        """Candidates in the window round (cx, cy), for a target of `zoom` times the size that it had."""
+        last = self._size
+        self._size = replace(last, w_px=last.w_px * zoom, h_px=last.h_px * zoom)
+        try:
+            decoded = self._look(frame_bgr, cx_px, cy_px, wide)
+            places.looked(cx_px, cy_px, self._reach_px(wide))
+            centre = replace(self._size, cx_px=cx_px, cy_px=cy_px)
+            peaks = islice(self._peaks(decoded, centre, wide), self.config.peaks_per_window)
+            # A place is believed sooner than a size: that is the one it is looked for in.
+            sized = [(replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px), score) for box, score in peaks]
+            return [self.judge(frame_bgr, box, score) for box, score in sized]
+        finally:
+            self._size = last
 
-    def _judged(self, frame_bgr: Image, box: Box, score: float) -> Candidate:
+    def judge(self, frame_bgr: Image, box: Box, score: float) -> Candidate:
+        """What is in this box, with this score of the network's, as a candidate. One template pass."""
         appearance, relative = self._describe(frame_bgr, box), score / self._reference
         alike = likeness(self._first, appearance)
         log_odds, mean = self._evidence.log_odds(relative, alike), alike.mean
@@ -255,11 +226,15 @@ class Redetector:
         return self._describer.describe(frame_bgr, replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px))
 
     def _weighed(self, candidate: Candidate, expected_px: tuple[float, float]) -> Candidate:
-        """Less likely the further it is from where the target should be, as far as that is still known."""
+        """Less likely the further it is from where the target should be, as far as that is still known.
+
+        Likelier where it should be and was a moment ago: few things vanish.
+        """
         away_px = math.hypot(candidate.box.cx_px - expected_px[0], candidate.box.cy_px - expected_px[1])
         sigma_px = (START_SPREAD + DRIFT_PER_FRAME * math.sqrt(self._lost_frames)) * _side(self._size)
-        less = min(0.5 * (away_px / sigma_px) ** 2, self.config.most_for_place)
-        return replace(candidate, log_odds=candidate.log_odds - less)
+        squared = 0.5 * (away_px / sigma_px) ** 2
+        more = self.config.most_for_recent * math.exp(-self._lost_frames / RECENT_FRAMES - squared)
+        return replace(candidate, log_odds=candidate.log_odds + more - min(squared, self.config.most_for_place))
 
     def _followed(self, candidate: Candidate, before: Box | None) -> Candidate:
         """The candidate with its good looks counted, on from the last frame's if it is at the same place."""

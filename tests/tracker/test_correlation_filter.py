@@ -93,14 +93,25 @@ def test_one_lesson_of_five_frames_counts_as_five_lessons() -> None:
 
 def test_the_label_peaks_at_the_place_and_samples_back() -> None:
     label = gaussian_label(REGION, REGION, (20.0, -12.0), 1.5, torch.device("cpu")).view(REGION, REGION).numpy()
-    x, y = peak_near(label, 14.0, -20.0)
+    x, y, height = peak_near(label, 14.0, -20.0)
     assert abs(x - 20) <= 2
     assert abs(y + 12) <= 2
+    assert abs(height - 1) < 0.02
     np.testing.assert_allclose(sample_response(label, np.array([20.0]), np.array([-12.0])), [1.0], atol=0.02)
     assert sample_response(label, np.array([400.0]), np.array([0.0]))[0] == 0
 
 
 def test_the_peak_is_only_looked_for_nearby() -> None:
     label = gaussian_label(REGION, REGION, (60.0, 0.0), 1.0, torch.device("cpu")).view(REGION, REGION).numpy()
-    x, y = peak_near(label, 0.0, 0.0)
+    x, y, height = peak_near(label, 0.0, 0.0)
     assert np.hypot(x, y) <= 16
+    assert height < 0.1
+
+
+def test_forgetting_leaves_the_first_frame() -> None:
+    knows, look = learned(), scene((TARGET, 1, 1), seed=5)
+    before = knows.response(knows.reduce(look))
+    knows.learn(knows.reduce(scene((RIVAL, 0, 0), seed=4)), place(0, 0), frames=50)
+    assert np.abs(knows.response(knows.reduce(look)) - before).max() > 0.01
+    knows.forget()
+    np.testing.assert_array_equal(knows.response(knows.reduce(look)), before)

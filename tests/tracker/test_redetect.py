@@ -13,10 +13,11 @@ from torch import Tensor
 
 from tracker.appearance import Appearance, Describer, Distractors, Evidence, colours, likeness
 from tracker.box import Box
+from tracker.candidates import RedetectConfig
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
 from tracker.network.climrt import ClimRT
-from tracker.redetect import RedetectConfig, Redetector
+from tracker.redetect import Redetector
 from tracker.search_map import CELL_PX, SearchMap
 
 RED, BLUE = (40, 40, 220), (220, 60, 40)

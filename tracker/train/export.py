@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,21 +14,36 @@ import torch
 from tracker.configs import NETWORKS, NetworkConfig, TrackerConfig
 from tracker.network.climrt import ClimRT
 from tracker.train.config import StageKind, TrainConfig
+from tracker.train.datasets import credits_of_sets
 from tracker.weights import save
 
 # The constants that suit weights of this training: probabilities, a clipped rate, sizes calibrated.
 TRAINED = TrackerConfig(
-    cls2_is_logit=False, clip_rate=True, calibrate=True, size_rate=0.04, lost_below=0.5, found_above=0.75
+    cls2_is_logit=False,
+    clip_rate=True,
+    calibrate=True,
+    size_rate=0.04,
+    lost_below=0.5,
+    found_above=0.75,
+    filter_weight=0.2,
+    filter_share=0.7,
+    sure_above=0.6,
+    doubt_below=0.35,
+    redetect=True,
 )
 
 
-def credits_of(data: Path, packs: tuple[str, ...]) -> list[dict[str, str]]:
-    """Part, source and licence of the pictures, from the packs' sources.csv where there is one."""
+def credits_of(data: Path, packs: Sequence[str | Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Part, source and licence of the pictures, from the packs' sources.csv where there is one, and the data sets."""
     table = data / "sources.csv"
+    own = [pack for pack in packs if isinstance(pack, str)]
     if not table.exists():
-        return [{"part": pack} for pack in packs]
-    with table.open(newline="") as file:
-        return [{k: row[k] for k in ("part", "repository", "licence")} for row in csv.DictReader(file)]
+        credits = [{"part": pack} for pack in own]
+    else:
+        with table.open(newline="") as file:
+            rows = [{k: row[k] for k in ("part", "repository", "licence")} for row in csv.DictReader(file)]
+        credits = rows if own else []
+    return credits + credits_of_sets(packs)
 
 
 def _trained_parts(config: TrainConfig) -> NetworkConfig:
