@@ -15,6 +15,7 @@ from tracker.network.climrt import ClimRT, Features
 from tracker.redetect import Redetector
 
 DOUBTFUL_FRAMES = 3  # in a row, after which the target is looked for elsewhere
+RESEMBLING = 0.2  # log-odds; others of its kind reach a little over 0
 REMEMBER_EVERY = 10  # frames between two looks at what else is like the target
 
 
@@ -57,7 +58,7 @@ class Recovery:
     def resembles(self, frame_bgr: Image, box: Box, score: float) -> bool:
         """Whether what is in this box looks rather like the target, now or of late, than like anything else."""
         judged = self._redetector.judge(frame_bgr, box, score)
-        return judged.log_odds > 0 and judged.likeness > judged.distractor_likeness
+        return judged.log_odds > RESEMBLING and judged.likeness > judged.distractor_likeness
 
     def lose(self, frame_bgr: Image) -> None:
         """The target is not in this frame, where it was looked for; nor was it in those that were doubted."""
