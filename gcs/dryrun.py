@@ -88,7 +88,7 @@ def run(
     tracker, one line each, when there is nothing to run.
     """
     poses = RecordedPoses.load(options.telemetry) if options.telemetry else None
-    truth = _read_truth(options.truth) if options.truth else None
+    truth = read_boxes(options.truth) if options.truth else None
     source = open_source(
         options.video,
         glass_delay_s=options.config.camera.glass_delay_s,
@@ -243,13 +243,6 @@ class _DryRun:
             problem=problem,
             notes=tuple(notes),
         )
-
-
-def _read_truth(path: Path) -> Truth:
-    try:
-        return read_boxes(path)
-    except UnicodeDecodeError as error:
-        raise SelectionError(f"{path}: not a text file of boxes") from error
 
 
 def _start(tracker: BoxTracker, first: Frame, box: Box) -> None:

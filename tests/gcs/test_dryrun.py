@@ -24,6 +24,7 @@ from tests.gcs.clips import Picture, box_at, index_first, picture, write_clip, w
 from tests.gcs.colour_tracker import ColourTracker
 from tests.gcs.mjpeg_server import MjpegServer
 from tracker.box import Box, TrackResult
+from tracker.eval.sequences import SequenceError
 
 BOX = Box.from_xywh(*box_at(0))
 
@@ -219,7 +220,7 @@ def test_absent_at_the_start_and_other_bad_ground_truth(tmp_path: Path) -> None:
     with pytest.raises(SelectionError, match="absent in the first frame"):
         dry_run(clip, tmp_path / "out", box=None, truth=truth)
     truth.write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(SelectionError, match="not a text file"):
+    with pytest.raises(SequenceError, match="not a text file"):
         dry_run(clip, tmp_path / "out", box=None, truth=truth)
 
 
