@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 import torch
 
@@ -36,3 +38,10 @@ def random_network(config: NetworkConfig = TINY, seed: int = 0) -> ClimRT:
 @pytest.fixture(scope="session")
 def tiny() -> ClimRT:
     return random_network()
+
+
+@pytest.fixture(autouse=True)
+def denormal_numbers() -> Iterator[None]:
+    """Training flushes them in the whole process: the tests after it shall have them again."""
+    yield
+    torch.set_flush_denormal(False)
