@@ -15,6 +15,7 @@ from tracker.box import Box
 from tracker.configs import TrackerConfig
 from tracker.crop import Image, context_side_px, crop, mean_colour
 from tracker.network.climrt import ClimRT
+from tracker.network.inference import as_input
 
 Array = NDArray[np.float32]
 
@@ -51,7 +52,7 @@ class Likeness:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class CueWeights:
     """Weights of the cues in the log-odds that a candidate is the target (logistic regression).
 
     Fitted on candidates in held-out and training clips, none of the development sequences among them.
@@ -99,9 +100,8 @@ class Describer:
     @torch.inference_mode()
     def _features(self, frame_bgr: Image, box: Box, side_px: int, out_px: int) -> tuple[Array, ...]:
         patch = crop(frame_bgr, box.cx_px, box.cy_px, max(1, side_px), out_px, self._fill)
-        device = next(self._network.parameters()).device
-        tensor = torch.from_numpy(patch).to(device).permute(2, 0, 1)[None].float()  # (1, 3, S, S)
-        return tuple(layer[0].float().cpu().numpy() for layer in self._network.features(tensor))
+        layers = self._network.features(as_input(patch, next(self._network.parameters()).device))
+        return tuple(layer[0].float().cpu().numpy() for layer in layers[-2:])  # HiFT's begin with layer 3
 
 
 def colours(frame_bgr: Image, box: Box) -> Array:

@@ -15,9 +15,10 @@ class RedetectConfig:
     peaks_per_window: candidates taken from each, one template pass each.
     recheck_above: log-odds from which a candidate is looked at again in the next frame.
     believe_above, looks: mean log-odds, in so many frames in a row at the least, from which it is believed.
+    believe_in_time: the same after four looks.
+    resembling: log-odds from which a doubtful box is still taken for the target; others of its kind reach about 0.
     recent_margin: log-odds that likeness to a later view of the target counts less than to the first one.
     distractor_margin: a candidate must be this much more like the target than like any known distractor.
-    believe_in_time: the same after four looks.
     most_for_recent: log-odds that a candidate gains where the target should be, just after it was lost.
     most_for_place: log-odds that a candidate loses at most for being far from where the target should be.
     near_wide, wide: how much larger than the tracker's own the windows are that look where the target is
@@ -29,9 +30,10 @@ class RedetectConfig:
     recheck_above: float = -1.5
     believe_above: float = 1.2
     looks: int = 2
+    believe_in_time: float = 0.6
+    resembling: float = 0.2
     recent_margin: float = 0.5
     distractor_margin: float = 0.0
-    believe_in_time: float = 0.6
     most_for_recent: float = 0.25
     most_for_place: float = 1.0
     near_wide: float = 1.0

@@ -11,6 +11,7 @@ from tracker.confidence import ConfidenceModel
 REFERENCE_FRAMES = 10
 HEARD_MEMORY = 0.9  # of the usual response, per frame in which the target is seen
 HEARD_RANGE = (0.0, 2.0)
+MIN_USUAL_HEARD = 0.1  # a filter that never heard more than this tells nothing by hearing less
 
 
 class RelativeScore:
@@ -22,6 +23,7 @@ class RelativeScore:
 
     def __init__(self) -> None:
         self._first_scores: list[float] = []
+        self._reference = 0.0
 
     def update(self, score: float) -> float:
         """Relative score, 0 or more, of this frame's score."""
@@ -29,7 +31,8 @@ class RelativeScore:
             return 0.0
         if len(self._first_scores) < REFERENCE_FRAMES:
             self._first_scores.append(score)
-        return score / statistics.median(self._first_scores)
+            self._reference = statistics.median(self._first_scores)
+        return score / self._reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ class Judge:
         if heard is None:
             return Evidence(relative, 0.0, 1.0)
         if self._usual_heard is None:
-            self._usual_heard = max(heard, 0.1)
+            self._usual_heard = max(heard, MIN_USUAL_HEARD)
         ratio = min(max(heard / self._usual_heard, HEARD_RANGE[0]), HEARD_RANGE[1])
         return Evidence(relative, heard, ratio)
 
@@ -86,4 +89,4 @@ class Judge:
         """The target was seen in this frame: its response is a usual one."""
         if self._usual_heard is not None:
             usual = HEARD_MEMORY * self._usual_heard + (1 - HEARD_MEMORY) * evidence.heard
-            self._usual_heard = max(usual, 0.1)
+            self._usual_heard = max(usual, MIN_USUAL_HEARD)

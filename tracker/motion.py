@@ -1,10 +1,10 @@
-"""Motion in the image: of the background, which tells the camera's own, and of the target itself."""
+"""Motion in the image: of the background, which tells the camera's own, and of the target over it."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -32,16 +32,6 @@ MAX_LOG_SCALE = 0.2  # between two frames
 MAX_TURN_RAD = 0.35
 EXCLUDE_GROWTH = 1.3  # the box is never exact, and the target's shadow moves with it
 
-TARGET_GRID = 8  # points a side
-TARGET_FILL = 0.8  # part of the box's sides the grid spans: corners of a box are background
-TARGET_SIDE_PX = 48  # larger targets are shrunk to about this
-TARGET_WINDOW_PX = 11
-MIN_TARGET_WINDOW_PX = 7
-TARGET_MARGIN_PX = 24  # how far off the guess the target is still found, in the shrunk patch
-AGREE_PX = 1.0
-MIN_TARGET_POINTS = 8
-MAX_ROUND_TRIP_PX = 1.0
-
 
 def small_grey(frame_bgr: Image) -> tuple[Grey, float]:
     """The frame in grey, halved until at most 480 px wide, and small px per frame px.
@@ -53,40 +43,6 @@ def small_grey(frame_bgr: Image) -> tuple[Grey, float]:
         size = (small.shape[1] // 2, small.shape[0] // 2)
         small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
     return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8), small.shape[1] / frame_bgr.shape[1]
-
-
-class CameraMotion:
-    """How the background moves through the image from frame to frame. Give it every frame, in order.
-
-    Corners outside the target, followed by Lucas and Kanade's pyramid; a robust fit (MAGSAC) finds the
-    homography that most of them share: the ground is nearly a plane, and a slanted one makes no similarity.
-    A frame without enough agreement gives None: then nothing is known, which is not "no motion".
-    """
-
-    def __init__(self) -> None:
-        self._previous: Grey | None = None
-        self._last: Homography | None = None
-
-    @property
-    def last(self) -> Homography | None:
-        """The motion between the last two frames, None if unknown."""
-        return self._last
-
-    def update(self, frame_bgr: Image, exclude: Box | None = None) -> Homography | None:
-        """Previous-frame px to this frame's px (3, 3); None for the first frame or where it is not known.
-
-        exclude: the target's box in the previous frame, whose motion is its own.
-        """
-        grey, scale = small_grey(frame_bgr)
-        previous, self._previous = self._previous, grey
-        self._last = None
-        if previous is not None and previous.shape == grey.shape:
-            self._last = background_motion(previous, grey, scale, exclude)
-        return self._last
-
-    def carry(self, box: Box) -> Box:
-        """Where a thing that stands still in the world, in this box in the last frame, is now."""
-        return carry(box, self._last) if self._last is not None else box
 
 
 def carry(box: Box, motion: Homography) -> Box:
@@ -154,10 +110,16 @@ class StabilisedPath:
 
 
 def background_motion(previous: Grey, grey: Grey, scale: float, exclude: Box | None = None) -> Homography | None:
-    """Motion (3, 3), frame px, between two pictures of `small_grey` of one size; None where it is not known.
+    """How the background moved between two frames (3, 3), frame px; None where it is not known.
 
-    scale: small px per frame px. exclude: the target's box in the previous frame, frame px.
+    previous, grey: pictures of `small_grey`; of different sizes, they tell nothing. scale: small px per frame px.
+    exclude: the target's box in the previous frame, whose motion is its own, frame px.
+    Corners outside the target, followed by Lucas and Kanade's pyramid; a robust fit (MAGSAC) finds the
+    homography that most of them share: the ground is nearly a plane, and a slanted one makes no similarity.
+    Frames without enough agreement give None: then nothing is known, which is not "no motion".
     """
+    if previous.shape != grey.shape:
+        return None
     small = _background_motion(previous, grey, _scaled(exclude, scale) if exclude is not None else None)
     return _enlarged(small, 1 / scale) if small is not None else None
 
@@ -217,80 +179,3 @@ def _enlarged(motion: Homography, factor: float) -> Homography:
     shift = (factor - 1) / 2
     grow = np.array([[factor, 0, shift], [0, factor, shift], [0, 0, 1]])
     return np.asarray(grow @ motion @ np.linalg.inv(grow))
-
-
-@dataclass(frozen=True, slots=True)
-class TargetMotion:
-    """The target's own motion between two frames: shift of its centre (px), log of its size change.
-
-    inlier_frac: part of the points in its box that agree, 0..1.
-    """
-
-    dx_px: float
-    dy_px: float
-    log_scale: float
-    inlier_frac: float
-
-
-def target_flow(
-    previous: Grey, grey: Grey, box: Box, guess_px: tuple[float, float] = (0.0, 0.0)
-) -> TargetMotion | None:
-    """Motion of what is in the box (px of the previous frame), from points on it; None where it is not known.
-
-    previous, grey: (H, W) whole frames. guess_px: shift it is looked for around, e.g. the background's.
-    Median flow (Kalal et al., Forward-Backward Error, 2010): points that do not come back to where they began
-    are dropped, then the better half of the rest tells shift and size, each as a median.
-    """
-    side_px = math.sqrt(max(box.w_px * box.h_px, 1.0))
-    shrink = max(1, math.ceil(side_px / TARGET_SIDE_PX))
-    shift = (round(guess_px[0]), round(guess_px[1]))
-    first = _cut(previous, box, shrink)
-    second = _cut(grey, replace(box, cx_px=box.cx_px + shift[0], cy_px=box.cy_px + shift[1]), shrink)
-    if first is None or second is None:
-        return None
-    points = _grid(first.shape, box.w_px / shrink, box.h_px / shrink)
-    window_px = min(TARGET_WINDOW_PX, max(MIN_TARGET_WINDOW_PX, round(side_px / shrink / 4) * 2 + 1))
-    there, went = _follow(first, second, points, window_px)
-    back, came = _follow(second, first, there, window_px)
-    miss_px = np.linalg.norm(back - points, axis=2).ravel()
-    good = went & came & (miss_px <= MAX_ROUND_TRIP_PX)
-    if good.sum() < MIN_TARGET_POINTS:
-        return None
-    good &= miss_px <= np.median(miss_px[good])
-    (dx, dy), log_scale, agreeing = _median_motion(points[good, 0], there[good, 0])
-    # Half of the points is dropped by the median even when all are followed well.
-    inlier_frac = min(1.0, 2 * agreeing / len(points))
-    return TargetMotion(dx * shrink + shift[0], dy * shrink + shift[1], log_scale, inlier_frac)
-
-
-def _cut(grey: Grey, box: Box, shrink: int) -> Grey | None:
-    """The box and as much again on each side, shrunk by a whole number; None if its centre has left the frame."""
-    height, width = grey.shape
-    if not (0 <= box.cx_px < width and 0 <= box.cy_px < height):
-        return None
-    margin = TARGET_MARGIN_PX * shrink
-    w, h = (shrink * math.ceil((side + 2 * margin) / shrink) for side in (box.w_px, box.h_px))
-    patch = cv2.getRectSubPix(grey, (w, h), (box.cx_px, box.cy_px))  # repeats the frame's edge outside it
-    if shrink > 1:
-        patch = cv2.resize(patch, (w // shrink, h // shrink), interpolation=cv2.INTER_AREA)
-    return np.asarray(patch, np.uint8)
-
-
-def _grid(shape: tuple[int, ...], w_px: float, h_px: float) -> Points:
-    """Points (N, 1, 2) spread evenly over the middle of the box, which lies in the middle of the patch."""
-    steps = np.linspace(-TARGET_FILL / 2, TARGET_FILL / 2, TARGET_GRID)
-    x, y = np.meshgrid(steps * w_px + (shape[1] - 1) / 2, steps * h_px + (shape[0] - 1) / 2)
-    return np.stack([x, y], -1).reshape(-1, 1, 2).astype(np.float32)
-
-
-def _median_motion(here: NDArray[np.float32], there: NDArray[np.float32]) -> tuple[tuple[float, float], float, int]:
-    """Shift, log of the size change, and how many of the points (N, 2) agree with both."""
-    dx, dy = (float(v) for v in np.median(there - here, 0))
-    first, second = np.triu_indices(len(here), 1)
-    before = np.linalg.norm(here[first] - here[second], axis=1)
-    after = np.linalg.norm(there[first] - there[second], axis=1)
-    apart = (before > 1) & (after > 0)
-    log_scale = float(np.median(np.log(after[apart] / before[apart]))) if apart.any() else 0.0
-    middle = here.mean(0)
-    expected = (here - middle) * math.exp(log_scale) + middle + (dx, dy)
-    return (dx, dy), log_scale, int((np.linalg.norm(there - expected, axis=1) <= AGREE_PX).sum())

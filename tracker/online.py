@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from enum import Enum, auto
 
 import torch
 from torch import Tensor
@@ -17,7 +18,7 @@ from tracker.decode import Calibration, Decoded, decode
 from tracker.evidence import Evidence, Judge
 from tracker.latent import latent_source
 from tracker.network.climrt import ClimRT, Features
-from tracker.network.inference import for_inference
+from tracker.network.inference import as_input, for_inference
 from tracker.recovery import DOUBTFUL_FRAMES, Recovery
 
 MIN_INIT_SIDE_PX = 4.0
@@ -27,11 +28,20 @@ MAX_OFFSET_PX = 12.0
 REACH_PER_FRAME = 0.1  # mean sides of the box
 CLEARLY_HEARD = 0.6  # of the filter's usual response: such a target is not lost, whatever the network says
 REFOUND_FRAMES = 20  # for how many the frame counts in which the object was found again
+FILTERED = -2  # layer 4 among the backbone's features, which end with layers 4 and 5
 LEARN_EVERY = 5  # frames between two lessons of the correlation filter
 
 
 class NotInitialisedError(ValueError):
     """update was called before init."""
+
+
+class Sight(Enum):
+    """What a frame shows of the object."""
+
+    SEEN = auto()
+    DOUBTFUL = auto()
+    HIDDEN = auto()
 
 
 class ClimRTTracker:
@@ -104,7 +114,7 @@ class ClimRTTracker:
         """A filter that knows the target and its surroundings in the first frame."""
         with torch.inference_mode():
             features = self._network.features(self._search_patch(frame_bgr)[0])
-            return CorrelationFilter(features[0], FilterConfig())
+            return CorrelationFilter(features[FILTERED], FilterConfig())
 
     def _calibrated(self, frame_bgr: Image, template: Features) -> Calibration | None:
         """What makes the network's box of the object in its own first frame the box that was given.
@@ -136,27 +146,35 @@ class ClimRTTracker:
         decoded = self._step(frame_bgr, self._template)
         evidence = self._judge.judge(decoded.score, decoded.heard if self._filter is not None else None)
         self.evidence, confidence = evidence, self._judge.confidence(evidence)
-        is_unheard = self._filter is None or evidence.heard_ratio < CLEARLY_HEARD
-        is_hidden = is_unheard and self._is_hidden(decoded.box, min(1.0, evidence.relative_score))
-        self._hidden_frames = self._hidden_frames + 1 if is_hidden else 0
-        is_doubtful = evidence.heard_ratio < self.config.doubt_below
-        self._doubtful_frames = self._doubtful_frames + 1 if is_doubtful else 0
-        if self._recovery is not None and self._doubtful_frames >= DOUBTFUL_FRAMES and not is_hidden:
-            # The filter may just not know this view of it yet.
-            self._is_refound = self._recovery.resembles(frame_bgr, decoded.box, decoded.score)
-            is_hidden, self._doubtful_frames = not self._is_refound, 0
-        if self._recovery is not None and is_hidden:
+        sight = self._sight(frame_bgr, decoded, evidence)
+        self._hidden_frames = self._hidden_frames + 1 if sight is Sight.HIDDEN else 0
+        if sight is Sight.HIDDEN and self._recovery is not None:
             self._recovery.lose(frame_bgr)
-            self._hidden_frames, self._doubtful_frames = 1, 0
             return self._searched(frame_bgr, self._recovery, decoded.score, confidence)
         self._box = decoded.box
-        is_doubtful = is_doubtful and not self._is_refound
-        if is_doubtful and self._recovery is not None:
-            self._recovery.doubted(frame_bgr)
-        elif not is_hidden and not is_doubtful:
+        if sight is Sight.SEEN:
             self._judge.seen(evidence)
             self._taught(frame_bgr, decoded, confidence)
-        return TrackResult(decoded.box, decoded.score, confidence, visible=not (is_hidden or is_doubtful))
+        elif self._recovery is not None:
+            self._recovery.doubted(frame_bgr)
+        return TrackResult(decoded.box, decoded.score, confidence, visible=sight is Sight.SEEN)
+
+    def _sight(self, frame_bgr: Image, decoded: Decoded, evidence: Evidence) -> Sight:
+        """Whether the object is there: hidden if score and filter say so, doubtful if the filter alone does."""
+        is_unheard = self._filter is None or evidence.heard_ratio < CLEARLY_HEARD
+        if is_unheard and self._is_hidden(decoded.box, min(1.0, evidence.relative_score)):
+            self._doubtful_frames = 0
+            return Sight.HIDDEN
+        if evidence.heard_ratio >= self.config.doubt_below:
+            self._doubtful_frames = 0
+            return Sight.SEEN
+        self._doubtful_frames += 1
+        if self._recovery is None or self._doubtful_frames < DOUBTFUL_FRAMES:
+            return Sight.SEEN if self._is_refound else Sight.DOUBTFUL
+        self._doubtful_frames = 0
+        # The filter may just not know this view of it yet.
+        self._is_refound = self._recovery.resembles(frame_bgr, decoded.box, decoded.score)
+        return Sight.SEEN if self._is_refound else Sight.HIDDEN
 
     def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:
         """Filter and recovery learn from a frame in which the target is for sure."""
@@ -225,7 +243,7 @@ class ClimRTTracker:
         loc, cls1, cls2 = (maps[0].cpu() for maps in self._network.heads(features, template, latent5))
         response = None
         if self._filter is not None:
-            self._reduced = self._filter.reduce(features[0])
+            self._reduced = self._filter.reduce(features[FILTERED])
             response = self._filter.response(self._reduced)
         frame_wh_px = (frame_bgr.shape[1], frame_bgr.shape[0])
         return decode(loc, cls1, cls2, self._box, scale, frame_wh_px, self.config, self._calibration, response)
@@ -238,8 +256,7 @@ class ClimRTTracker:
         return context_side_px(box.w_px, box.h_px, self.config.context_frac)
 
     def _tensor(self, patch: Image) -> Tensor:
-        """(S, S, 3) uint8 to (1, 3, S, S) float 0..255; stays channels-last in memory, as the network's."""
-        return torch.from_numpy(patch).to(self._device).permute(2, 0, 1)[None].float()
+        return as_input(patch, self._device)
 
 
 def _between(value: float, low: float, high: float) -> float:

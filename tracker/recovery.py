@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from typing import NamedTuple
 
 from tracker.box import Box
 from tracker.candidates import Candidate
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Calibration
-from tracker.motion import PATH_FRAMES, Grey, Homography, StabilisedPath, background_motion, small_grey
+from tracker.motion import PATH_FRAMES, Grey, StabilisedPath, background_motion, small_grey
 from tracker.network.climrt import ClimRT, Features
 from tracker.redetect import Redetector
 
 DOUBTFUL_FRAMES = 3  # in a row, after which the target is looked for elsewhere
-RESEMBLING = 0.2  # log-odds; others of its kind reach a little over 0
 REMEMBER_EVERY = 10  # frames between two looks at what else is like the target
+
+
+class Moment(NamedTuple):
+    """A recent frame: grey and small, small px per frame px; the target's box where it was seen for sure, and where
+    it is as far as is known (frame px)."""
+
+    grey: Grey
+    scale: float
+    seen: Box | None
+    box: Box
 
 
 class Recovery:
@@ -37,8 +47,7 @@ class Recovery:
         calibration: Calibration | None,
     ) -> None:
         self._redetector = Redetector(network, config, frame_bgr, box, template, calibration=calibration)
-        # Grey picture, its scale, the target's box where it was seen, and where it is as far as is known.
-        self._recent: deque[tuple[Grey, float, Box | None, Box]] = deque(maxlen=PATH_FRAMES + DOUBTFUL_FRAMES)
+        self._recent: deque[Moment] = deque(maxlen=PATH_FRAMES + DOUBTFUL_FRAMES)
         self._path = StabilisedPath()
         self._size = box
         self._seen_frames = 0
@@ -46,30 +55,29 @@ class Recovery:
 
     def seen(self, frame_bgr: Image, box: Box, *, surely: bool = False) -> None:
         """The target is in this box; surely: so that its way, and what is beside it, can be learned from it."""
-        self._recent.append((*small_grey(frame_bgr), box if surely else None, box))
+        self._recent.append(Moment(*small_grey(frame_bgr), box if surely else None, box))
         self._seen_frames += 1
         if surely and self._seen_frames % REMEMBER_EVERY == 0:
             self._redetector.remember(frame_bgr, box)
 
     def doubted(self, frame_bgr: Image) -> None:
         """Whether the target was seen in this frame is not known yet."""
-        self._recent.append((*small_grey(frame_bgr), None, self._recent[-1][3]))
+        self._recent.append(Moment(*small_grey(frame_bgr), None, self._recent[-1].box))
 
     def resembles(self, frame_bgr: Image, box: Box, score: float) -> bool:
         """Whether what is in this box looks rather like the target, now or of late, than like anything else."""
-        judged = self._redetector.judge(frame_bgr, box, score)
-        return judged.log_odds > RESEMBLING and judged.likeness > judged.distractor_likeness
+        return self._redetector.resembles(frame_bgr, box, score)
 
     def lose(self, frame_bgr: Image) -> None:
         """The target is not in this frame, where it was looked for; nor was it in those that were doubted."""
         self._path = StabilisedPath()
         frames = list(self._recent)
-        for i, (grey, scale, box, _) in enumerate(frames):
-            if i:
-                self._path.move(_motion(frames[i - 1], grey, scale))
-            if box is not None:
-                self._path.observe(box.cx_px, box.cy_px)
-        self._size = frames[-1][3]
+        for before, now in zip([None, *frames], frames, strict=False):
+            if before is not None:
+                self._path.move(background_motion(before.grey, now.grey, now.scale, before.box))
+            if now.seen is not None:
+                self._path.observe(now.seen.cx_px, now.seen.cy_px)
+        self._size = frames[-1].box
         if self._path.expected() is None:
             self._path.observe(self._size.cx_px, self._size.cy_px)
         self._redetector.start(frame_bgr, self.expected)
@@ -77,11 +85,12 @@ class Recovery:
     def search(self, frame_bgr: Image) -> Candidate | None:
         """Look into this frame; a candidate only when it has proved itself."""
         grey, scale = small_grey(frame_bgr)
-        motion = _motion(self._recent[-1], grey, scale)
+        before = self._recent[-1]
+        motion = background_motion(before.grey, grey, scale, before.box)
         self._path.move(motion)
         self._keep_in_frame(frame_bgr.shape[1], frame_bgr.shape[0])
         found = self._redetector.search(frame_bgr, motion, self._path.velocity, self._path.expected())
-        self._recent.append((grey, scale, None, self.expected))
+        self._recent.append(Moment(grey, scale, None, self.expected))
         return found.believed
 
     def _keep_in_frame(self, width_px: int, height_px: int) -> None:
@@ -101,8 +110,3 @@ class Recovery:
     def expect(self, cx_px: float, cy_px: float) -> None:
         """Someone who knows better says where it should be in the last frame."""
         self._redetector.expect(cx_px, cy_px)
-
-
-def _motion(before: tuple[Grey, float, Box | None, Box], grey: Grey, scale: float) -> Homography | None:
-    """Of the background since then."""
-    return background_motion(before[0], grey, scale, before[3]) if before[0].shape == grey.shape else None

@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 import torch
 
-from tracker.appearance import Appearance, Describer, Distractors, Evidence, Likeness, likeness
+from tracker.appearance import Appearance, CueWeights, Describer, Distractors, likeness
 from tracker.box import Box
 from tracker.candidates import Candidate, RedetectConfig, Redetection
 from tracker.configs import TrackerConfig
@@ -19,6 +19,7 @@ from tracker.crop import Colour, Image, context_side_px, crop, mean_colour
 from tracker.decode import Calibration, Decoded, decode
 from tracker.motion import Homography, carry
 from tracker.network.climrt import ClimRT, Features
+from tracker.network.inference import as_input
 from tracker.search_map import DRIFT_PER_FRAME, START_SPREAD, SearchMap
 
 PEAK_SPACING = 0.8  # of the box's sides, between two peaks in one window
@@ -31,7 +32,6 @@ SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 SAME_PLACE = 0.7  # mean sides a candidate may move over the ground between two looks
 DISTRACTOR_SCORE = 0.3  # of the target's own first score: what scores less is no danger
 MIN_REFERENCE = 0.05  # a first score below says that the network does not know the target at all
-SIZE_RANGE = (0.5, 2.0)  # a size further from the last one is not taken over
 
 
 class Redetector:
@@ -53,10 +53,10 @@ class Redetector:
         *,
         calibration: Calibration | None = None,
         config: RedetectConfig | None = None,
-        evidence: Evidence | None = None,
+        weights: CueWeights | None = None,
     ) -> None:
         """For the target in this box of its first frame; template, calibration: the tracker's."""
-        self.config, self._evidence = config or RedetectConfig(), evidence or Evidence()
+        self.config, self._weights = config or RedetectConfig(), weights or CueWeights()
         self._network, self._tracker, self._template = network, replace(tracker, window_influence=0.0), template
         self._calibration = calibration
         self._fill: Colour = mean_colour(frame_bgr)
@@ -70,7 +70,7 @@ class Redetector:
         self._turn = self._lost_frames = self._near_looks = 0
         self._aside: tuple[Box, int] | None = None  # what did not prove itself, and for how many frames more
         self._size = box
-        self._reference = max(MIN_REFERENCE, self._look(frame_bgr, box.cx_px, box.cy_px).score)
+        self._reference = max(MIN_REFERENCE, self._look(frame_bgr, box).score)
 
     def remember(self, frame_bgr: Image, box: Box) -> None:
         """Keep how the target looks, in this box for sure, and what else round it might be taken for it.
@@ -78,22 +78,23 @@ class Redetector:
         Costs one window and a few template passes: for one frame in ten or so.
         """
         self._size = box
-        view = self._describe(frame_bgr, box)
-        if self._evidence.log_odds(1.0, likeness(self._first, view)) > 0:  # a view that is no longer it must not count
+        view = self._describer.describe(frame_bgr, box)
+        if self._weights.log_odds(1.0, likeness(self._first, view)) > 0:  # a view that is no longer it must not count
             self._recent.append(view)
         # Beside the target, on one side after the other: with the target in view the network heeds nothing else.
         turn, self._turn = self._turn, (self._turn + 1) % len(SIDES)
-        away_px = self._tracker.search_px / self._scale() / 2 + max(box.w_px, box.h_px) / 2
+        away_px = self._tracker.search_px / self._scale(box) / 2 + max(box.w_px, box.h_px) / 2
         centre = replace(box, cx_px=box.cx_px + SIDES[turn][0] * away_px, cy_px=box.cy_px + SIDES[turn][1] * away_px)
-        decoded = self._look(frame_bgr, centre.cx_px, centre.cy_px)
+        decoded = self._look(frame_bgr, centre)
         for found, score in islice(self._peaks(decoded, centre), self.config.peaks_per_window):
             is_target = abs(found.cx_px - box.cx_px) < box.w_px and abs(found.cy_px - box.cy_px) < box.h_px
             if score > DISTRACTOR_SCORE * self._reference and not is_target:
-                self._distractors.add(self._describe(frame_bgr, found))
+                self._distractors.add(self._describer.describe(frame_bgr, found))
 
-    def likeness(self, frame_bgr: Image, box: Box) -> Likeness:
-        """How alike what is in the box is to the target in its first frame. One template pass."""
-        return likeness(self._first, self._describer.describe(frame_bgr, box))
+    def resembles(self, frame_bgr: Image, box: Box, score: float) -> bool:
+        """Whether what is at this place looks rather like the target, now or of late, than like anything else."""
+        judged = self._judged(frame_bgr, self._at(box.cx_px, box.cy_px), score)
+        return judged.log_odds > self.config.resembling and judged.likeness > judged.distractor_likeness
 
     def expect(self, cx_px: float, cy_px: float) -> None:
         """Somebody who knows better says where the target will be in the next frame (centre, px)."""
@@ -126,8 +127,8 @@ class Redetector:
         self._move_aside(motion)
         again = self._carried(motion)
         found: list[Candidate] = []
-        for look in islice(self._places(self._map, again, expected_px), self.config.windows_per_frame):
-            found += self._window(frame_bgr, self._map, *look)
+        for place, wide in islice(self._places(self._map, again, expected_px), self.config.windows_per_frame):
+            found += self._window(frame_bgr, self._map, place, wide)
         if expected_px is not None:
             found = [self._weighed(c, expected_px) for c in found]
         found = [self._followed(c, again) for c in sorted(found, key=lambda c: c.log_odds, reverse=True)]
@@ -151,19 +152,23 @@ class Redetector:
 
     def _places(
         self, places: SearchMap, again: Box | None, expected_px: tuple[float, float] | None
-    ) -> Iterator[tuple[float, float, float, float]]:
-        """Where to look in this frame, how wide, and for which part of the last size, the most urgent first."""
+    ) -> Iterator[tuple[Box, float]]:
+        """Where, and in which size, to look for it in this frame, and how wide, the most urgent first."""
         told_px, self._told_px = self._told_px, None
         if again is not None:
-            yield again.cx_px, again.cy_px, 1.0, again.w_px / self._size.w_px
+            yield self._at(again.cx_px, again.cy_px, again.w_px / self._size.w_px), 1.0
         first = told_px or expected_px
         # In every other frame at the latest, however much there is to look at here, the rest gets its turn.
         if first is not None and (told_px is not None or again is None or self._lost_frames % 2):
             self._near_looks += 1
-            yield *first, self.config.near_wide, ZOOMS[self._near_looks % len(ZOOMS)]
+            yield self._at(*first, ZOOMS[self._near_looks % len(ZOOMS)]), self.config.near_wide
         wide = self.config.wide
         while True:
-            yield *places.best(self._reach_px(wide)), wide, 1.0
+            yield self._at(*places.best(self._reach_px(self._size, wide))), wide
+
+    def _at(self, cx_px: float, cy_px: float, zoom: float = 1.0) -> Box:
+        """The target at this place, at `zoom` times the size last known."""
+        return Box(cx_px, cy_px, self._size.w_px * zoom, self._size.h_px * zoom)
 
     def _is_same(self, candidate: Candidate, before: Box | None) -> bool:
         if before is None:
@@ -184,46 +189,32 @@ class Redetector:
             return self._tentative.box if self._tentative is not None else None
         return carry(self._tentative.box, motion)
 
-    def _reach_px(self, wide: float) -> float:
-        """Side of the square (frame px) in which one window finds the target's centre."""
+    def _reach_px(self, size: Box, wide: float) -> float:
+        """Side of the square (frame px) in which one window finds the centre of a target of this size."""
         config = self._tracker
-        return wide * config.grid_cells * config.grid_stride_px / self._scale()
+        return wide * config.grid_cells * config.grid_stride_px / self._scale(size)
 
-    def _scale(self) -> float:
-        """Patch px per frame px."""
-        return self._tracker.exemplar_px / context_side_px(self._size.w_px, self._size.h_px, self._tracker.context_frac)
+    def _scale(self, size: Box) -> float:
+        """Patch px per frame px in the tracker's own window for a target of this size."""
+        return self._tracker.exemplar_px / context_side_px(size.w_px, size.h_px, self._tracker.context_frac)
 
-    def _window(
-        self, frame_bgr: Image, places: SearchMap, cx_px: float, cy_px: float, wide: float, zoom: float
-    ) -> list[Candidate]:
-        """Candidates in the window round (cx, cy), for a target of `zoom` times the size that it had."""
-        last = self._size
-        self._size = replace(last, w_px=last.w_px * zoom, h_px=last.h_px * zoom)
-        try:
-            decoded = self._look(frame_bgr, cx_px, cy_px, wide)
-            places.looked(cx_px, cy_px, self._reach_px(wide))
-            centre = replace(self._size, cx_px=cx_px, cy_px=cy_px)
-            peaks = islice(self._peaks(decoded, centre, wide), self.config.peaks_per_window)
-            # A place is believed sooner than a size: that is the one it is looked for in.
-            sized = [(replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px), score) for box, score in peaks]
-            return [self.judge(frame_bgr, box, score) for box, score in sized]
-        finally:
-            self._size = last
+    def _window(self, frame_bgr: Image, places: SearchMap, place: Box, wide: float) -> list[Candidate]:
+        """Candidates round this place, of the box's size: a place is believed sooner than the network's size."""
+        decoded = self._look(frame_bgr, place, wide)
+        places.looked(place.cx_px, place.cy_px, self._reach_px(place, wide))
+        peaks = islice(self._peaks(decoded, place, wide), self.config.peaks_per_window)
+        return [self._judged(frame_bgr, box, score) for box, score in peaks]
 
-    def judge(self, frame_bgr: Image, box: Box, score: float) -> Candidate:
+    def _judged(self, frame_bgr: Image, box: Box, score: float) -> Candidate:
         """What is in this box, with this score of the network's, as a candidate. One template pass."""
-        appearance, relative = self._describe(frame_bgr, box), score / self._reference
+        appearance, relative = self._describer.describe(frame_bgr, box), score / self._reference
         alike = likeness(self._first, appearance)
-        log_odds, mean = self._evidence.log_odds(relative, alike), alike.mean
+        log_odds, mean = self._weights.log_odds(relative, alike), alike.mean
         for view in self._recent:
             alike = likeness(view, appearance)
-            log_odds = max(log_odds, self._evidence.log_odds(relative, alike) - self.config.recent_margin)
+            log_odds = max(log_odds, self._weights.log_odds(relative, alike) - self.config.recent_margin)
             mean = max(mean, alike.mean)
         return Candidate(box, score, log_odds, mean, self._distractors.likeness(appearance))
-
-    def _describe(self, frame_bgr: Image, box: Box) -> Appearance:
-        # At the size last known: it is steadier than that of a single cell, and features tell less of size.
-        return self._describer.describe(frame_bgr, replace(self._size, cx_px=box.cx_px, cy_px=box.cy_px))
 
     def _weighed(self, candidate: Candidate, expected_px: tuple[float, float]) -> Candidate:
         """Less likely the further it is from where the target should be, as far as that is still known.
@@ -248,34 +239,27 @@ class Redetector:
         return replace(candidate, looks=looks, mean_log_odds=mean)
 
     @torch.inference_mode()
-    def _look(self, frame_bgr: Image, cx_px: float, cy_px: float, wide: float = 1.0) -> Decoded:
-        """The network's word on the window round (cx, cy), without the Hann window that favours its middle."""
+    def _look(self, frame_bgr: Image, place: Box, wide: float = 1.0) -> Decoded:
+        """The network's word on the window round a target in this box, without the Hann window for its middle."""
         config = self._tracker
-        scale = self._scale() / wide
-        patch = crop(frame_bgr, cx_px, cy_px, max(1, round(config.search_px / scale)), config.search_px, self._fill)
-        device = next(self._network.parameters()).device
-        features = self._network.features(torch.from_numpy(patch).to(device).permute(2, 0, 1)[None].float())
+        scale = self._scale(place) / wide
+        side_px = max(1, round(config.search_px / scale))
+        patch = crop(frame_bgr, place.cx_px, place.cy_px, side_px, config.search_px, self._fill)
+        features = self._network.features(as_input(patch, next(self._network.parameters()).device))
         # There is no earlier look at this place: the present stands for the latent frame.
-        loc, cls1, cls2 = (m[0].float().cpu() for m in self._network.heads(features, self._template, features[1]))
-        old = replace(self._size, cx_px=cx_px, cy_px=cy_px)
-        frame_wh = (frame_bgr.shape[1], frame_bgr.shape[0])
-        return decode(loc, cls1, cls2, old, scale, frame_wh, config, self._calibration)
+        loc, cls1, cls2 = (m[0].float().cpu() for m in self._network.heads(features, self._template, features[-1]))
+        frame_wh_px = (frame_bgr.shape[1], frame_bgr.shape[0])
+        return decode(loc, cls1, cls2, place, scale, frame_wh_px, config, self._calibration)
 
-    def _peaks(self, decoded: Decoded, centre: Box, wide: float = 1.0) -> Iterator[tuple[Box, float]]:
-        """Boxes (frame px) and scores of the peaks in the window round this box, highest rank first."""
-        size = self._size
-        x, y, w, h = decoded.offsets_px * wide / self._scale()
+    def _peaks(self, decoded: Decoded, place: Box, wide: float = 1.0) -> Iterator[tuple[Box, float]]:
+        """Places (frame px, of the size looked for) and scores of the window's peaks, highest rank first."""
+        x, y, w, h = decoded.offsets_px * wide / self._scale(place)
         ranks = np.where(np.isfinite(decoded.ranks) & (w > 0) & (h > 0), decoded.ranks, -np.inf)
         while np.isfinite(ranks).any():
             i = int(np.argmax(ranks))
-            box = Box(
-                centre.cx_px + float(x[i]),
-                centre.cy_px + float(y[i]),
-                size.w_px * float(np.clip(w[i] / size.w_px, *SIZE_RANGE)),
-                size.h_px * float(np.clip(h[i] / size.h_px, *SIZE_RANGE)),
-            )
-            yield box, float(decoded.scores[i])
-            near = np.hypot((x - x[i]) / size.w_px, (y - y[i]) / size.h_px) < PEAK_SPACING
+            found = replace(place, cx_px=place.cx_px + float(x[i]), cy_px=place.cy_px + float(y[i]))
+            yield found, float(decoded.scores[i])
+            near = np.hypot((x - x[i]) / place.w_px, (y - y[i]) / place.h_px) < PEAK_SPACING
             ranks = np.where(near, -np.inf, ranks)
 
 

@@ -51,12 +51,6 @@ class SearchMap:
         even = 1 / self._mass.size
         self._mass = (1 - ANYWHERE) * _normalised(np.asarray(blurred, np.float32)) + np.float32(ANYWHERE * even)
 
-    def expect(self, cx_px: float, cy_px: float) -> None:
-        """Half of what is believed is now that it is near (cx, cy)."""
-        rows, columns = self._mass.shape
-        around = SearchMap((columns * CELL_PX, rows * CELL_PX), cx_px, cy_px, self._side_px)
-        self._mass = np.asarray((self._mass + around.mass) / 2, np.float32)
-
     def best(self, side_px: float) -> tuple[float, float]:
         """Centre (px) of the square of this side that holds most of the probability."""
         cells = max(1, round(side_px / CELL_PX)) | 1

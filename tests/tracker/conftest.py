@@ -35,6 +35,15 @@ def random_network(config: NetworkConfig = TINY, seed: int = 0) -> ClimRT:
     return network.requires_grad_(False)
 
 
+def assert_learns(network: ClimRT, out: tuple[torch.Tensor, ...]) -> None:
+    """The predictions of two samples have their shapes, and every weight a finite gradient."""
+    assert [tuple(m.shape) for m in out] == [(2, 4, 11, 11), (2, 2, 11, 11), (2, 1, 11, 11)]
+    torch.stack([m.square().sum() for m in out]).sum().backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+
+
 @pytest.fixture(scope="session")
 def tiny() -> ClimRT:
     return random_network()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from tests.tracker.conftest import TINY, random_network
+from tests.tracker.conftest import TINY, assert_learns, random_network
 from tracker.configs import COMPACT, FULL, ConfigError, LatentProvider, NetworkConfig, TrackerConfig
 from tracker.network.climnet import latent_patch
 from tracker.network.climrt import ClimRT
@@ -23,12 +23,7 @@ def patches(count: int, side: int, seed: int = 0) -> torch.Tensor:
 def test_shapes_and_gradients_in_training() -> None:
     torch.manual_seed(0)
     network = ClimRT(replace(TINY, climnet=None)).train()
-    out = network(patches(2, 127), patches(2, 287, 1), patches(2, 287, 2))
-    assert [tuple(m.shape) for m in out] == [(2, 4, 11, 11), (2, 2, 11, 11), (2, 1, 11, 11)]
-    sum(m.square().sum() for m in out).backward()
-    for name, parameter in network.named_parameters():
-        assert parameter.grad is not None, name
-        assert torch.isfinite(parameter.grad).all(), name
+    assert_learns(network, network(patches(2, 127), patches(2, 287, 1), patches(2, 287, 2)))
 
 
 @pytest.mark.parametrize("legacy", [False, True])

@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from tracker.appearance import Appearance, Describer, Distractors, Evidence, colours, likeness
+from tracker.appearance import Appearance, CueWeights, Describer, Distractors, colours, likeness
 from tracker.box import Box
 from tracker.candidates import RedetectConfig
 from tracker.configs import TrackerConfig
@@ -63,14 +63,14 @@ def draw(*things: tuple[float, float, tuple[int, int, int]]) -> Image:
     return image
 
 
-def redetector(config: RedetectConfig | None = None, evidence: Evidence | None = None) -> tuple[Redetector, Greenless]:
+def redetector(config: RedetectConfig | None = None, weights: CueWeights | None = None) -> tuple[Redetector, Greenless]:
     network = Greenless()
     start = draw((100, 100, RED))
     box = Box(100, 100, SIZE, SIZE)
     any_network: Any = network
     tracker = TrackerConfig(cls2_is_logit=False)
     found = Redetector(any_network, tracker, start, box, network.features(torch.zeros(1, 3, 127, 127)), config=config,
-                       evidence=evidence)  # fmt: skip
+                       weights=weights)  # fmt: skip
     network.looks.clear()
     return found, network
 
@@ -114,7 +114,7 @@ def test_something_of_another_colour_is_not_believed() -> None:
     searcher.start(GROUND, Box(300, 200, SIZE, SIZE))
     assert search(searcher, 12, draw((310, 210, BLUE)), expected_px=(300.0, 200.0)) is None
     # The network itself takes it for the target: appearance alone holds it back.
-    careless, _ = redetector(evidence=Evidence(layer4=0, layer5=0, colour=0, score=5, bias=-1))
+    careless, _ = redetector(weights=CueWeights(layer4=0, layer5=0, colour=0, score=5, bias=-1))
     careless.start(GROUND, Box(300, 200, SIZE, SIZE))
     assert search(careless, 12, draw((310, 210, BLUE)), expected_px=(300.0, 200.0)) is not None
 
@@ -128,10 +128,10 @@ def test_the_target_is_preferred_to_its_neighbour() -> None:
 
 
 def test_a_known_distractor_is_not_believed_however_alike() -> None:
-    trusting = Evidence(layer4=0, layer5=0, colour=0, score=5, bias=-1)
+    trusting = CueWeights(layer4=0, layer5=0, colour=0, score=5, bias=-1)
     other = draw((310, 210, BLUE))
     for remembers in (False, True):
-        searcher, _ = redetector(evidence=trusting)
+        searcher, _ = redetector(weights=trusting)
         if remembers:
             for _ in range(4):  # once on each side
                 searcher.remember(draw((100, 100, RED), (170, 100, BLUE)), Box(100, 100, SIZE, SIZE))
@@ -214,7 +214,7 @@ def test_likeness_with_the_real_network(tiny: ClimRT) -> None:
 
 
 def test_evidence_grows_with_each_cue_and_not_without_end() -> None:
-    evidence = Evidence()
+    evidence = CueWeights()
     view = likeness(appearance(0), appearance(0))
     weak = evidence.log_odds(0.5, view)
     assert evidence.log_odds(1.0, view) > weak

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from tests.tracker.conftest import TINY, random_network
+from tests.tracker.conftest import TINY, assert_learns, random_network
 from tests.tracker.test_network import patches
 from tracker.box import Box
 from tracker.configs import (
@@ -39,12 +40,7 @@ def test_shapes_and_gradients(variant: Variant) -> None:
     network = ClimRT(replace(TINY, climnet=None).as_variant(variant)).train()
     if variant.is_hift:
         network.grader.transformer.encoder.layers[0].modulation.gamma.data.fill_(0.1)
-    out = network(patches(2, 127), patches(2, 287, 1), patches(2, 287, 2))
-    assert [tuple(m.shape) for m in out] == [(2, 4, 11, 11), (2, 2, 11, 11), (2, 1, 11, 11)]
-    sum(m.square().sum() for m in out).backward()
-    for name, parameter in network.named_parameters():
-        assert parameter.grad is not None, name
-        assert torch.isfinite(parameter.grad).all(), name
+    assert_learns(network, network(patches(2, 127), patches(2, 287, 1), patches(2, 287, 2)))
 
 
 def modulated(config: NetworkConfig) -> ClimRT:
@@ -125,9 +121,10 @@ def test_each_ablation_of_climnet_replaces_one_kind_of_block() -> None:
 
 
 @pytest.mark.parametrize("variant", Variant)
-def test_every_variant_tracks_online(variant: Variant) -> None:
+@pytest.mark.parametrize("own", [{}, {"filter_share": 0.5, "redetect": True, "lost_below": 0.9, "found_above": 0.9}])
+def test_every_variant_tracks_online(variant: Variant, own: dict[str, Any]) -> None:
     latent = LatentProvider.CLIMNET if variant.uses_latent else LatentProvider.OFF
-    tracker = ClimRTTracker(random_network(TINY.as_variant(variant)), TrackerConfig(latent=latent))
+    tracker = ClimRTTracker(random_network(TINY.as_variant(variant)), TrackerConfig(latent=latent, **own))
     frame = np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8)
     tracker.init(frame, Box.from_xywh(60, 50, 30, 20))
     for _ in range(2):
