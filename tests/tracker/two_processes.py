@@ -69,6 +69,7 @@ def main() -> None:
     assert (now, stop) == (5.0, True)
     assert team.share(team.rank) == 0
     assert (folder / str(team.rank) / "config.json").exists() == team.leads
+    team.disband()
 
 
 if __name__ == "__main__":

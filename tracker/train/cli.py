@@ -46,7 +46,14 @@ def train(values: Mapping[str, Any], data: Path, folder: Path, options: Options,
     if options.start_from:
         config = replace(config, start_from=options.start_from)
     team = assemble(options.devices, options.device)
-    speak: Say = say if team.leads else _silence
+    done = _train(config, data, folder, options, slice_, team, say if team.leads else _silence)
+    team.disband()
+    return done
+
+
+def _train(
+    config: TrainConfig, data: Path, folder: Path, options: Options, slice_: Slice, team: Team, speak: Say
+) -> bool:
     if options.probe:
         speak("reading pictures")
         minutes = PROBE_MINUTES if math.isinf(options.minutes) else options.minutes

@@ -62,6 +62,12 @@ class Team:
         """The leader's value, for all."""
         return self.fabric.broadcast(value) if self.size > 1 else value
 
+    def disband(self) -> None:
+        """Closes the connections, once all are through: left to the interpreter's end, their threads may abort it."""
+        if self.size > 1:
+            self.fabric.barrier()
+            torch.distributed.destroy_process_group()
+
 
 def assemble(devices: int = 1, device: str = "auto") -> Team:
     """This process's place among those that train together, which are started where need be.
