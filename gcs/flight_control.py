@@ -75,6 +75,7 @@ class FollowControl:
         self._engaged = False
         self._ranging: Ranging | None = None
         self.wanted = Wanted()
+        self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
         self.confirmation: Confirmation | None = None
 
     @property
@@ -132,6 +133,7 @@ class FollowControl:
             distance_known=candidate is not None or target is None,
             attitude_rate_hz=self._attitude.rate_hz(now_s),
             outside_fence=self._is_outside(vehicle),
+            audit_ok=self.audit_ok,
             select=Act.SELECT in acts,
             confirm=Act.CONFIRM in acts,
             abort=Act.ABORT in acts,
@@ -204,6 +206,7 @@ class FollowControl:
             distance_known=known or target is None,
             attitude_rate_hz=self._attitude.rate_hz(now_s),
             outside_fence=self._is_outside(vehicle),
+            audit_ok=self.audit_ok,
         )
         causes = [cause.value for cause in refusals(inputs, now_s, self._config.engagement)]
         return (*causes, *([self.confirm_problem] if target is not None and not known else []))
