@@ -17,7 +17,7 @@ from gcs.codec import VehicleId
 from gcs.errors import VehicleError
 from gcs.framing import Deframer, Encoder, FrameCounters, Message, dialect, split_ids
 from gcs.tlog import TlogWriter
-from gcs.transport import Endpoint, Peer, Transport, open_transport, parse_url
+from gcs.transport import Endpoint, Kind, Peer, Received, Transport, open_transport, parse_url
 
 STALE_S = 0.1  # older than this when it could leave, a frame is dropped: no burst after a stall
 PEER_SILENCE_S = 3.0  # after so long without the vehicle's address, it may come from another one
@@ -36,6 +36,7 @@ MOVING_MESSAGES = frozenset(
     }
 )
 
+_NO_SOCKET = Endpoint(Kind.UDP_IN, host="in-process")
 Subscriber: TypeAlias = Callable[[Message, float], None]
 Unsubscribe: TypeAlias = Callable[[], None]
 
@@ -135,6 +136,25 @@ class Wire:
         except BaseException:
             await wire.close()
             raise
+        return wire
+
+    @classmethod
+    def over(
+        cls,
+        transport_factory: Callable[[Received], Transport],
+        *,
+        clock: Clock,
+        endpoint: Endpoint = _NO_SOCKET,
+        vehicle_system_id: int | None = None,
+        system_id: int = SYSTEM_ID,
+        component_id: int = COMPONENT_ID,
+    ) -> Wire:
+        """A wire over any transport, made by calling the factory with what is to be called for bytes received.
+
+        endpoint: names the link, and says whether bytes come as whole datagrams. Needs no event loop.
+        """
+        wire = cls(endpoint, clock, Encoder(system_id, component_id), vehicle_system_id)
+        wire._transport = transport_factory(wire._received)
         return wire
 
     @property

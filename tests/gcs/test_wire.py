@@ -294,6 +294,39 @@ async def test_failed_send_says_so_and_is_forgotten_when_something_is_heard():
         peer.close()
 
 
+class Loopback:
+    """A transport without a socket or an event loop."""
+
+    status, connections = "open", 1
+
+    def __init__(self, received):
+        self.received = received
+        self.sent = []
+
+    def send(self, data):
+        self.sent.append(data)
+        return True
+
+    def reply_to(self, peer):
+        self.peer = peer
+
+
+def test_a_wire_runs_over_any_transport_without_a_socket():
+    clock, made = FakeClock(5.0), []
+
+    def factory(received):
+        made.append(Loopback(received))
+        return made[0]
+
+    wire = Wire.over(factory, clock=clock)
+    made[0].received(Encoder(1, 1).encode(heartbeat()), ("vehicle", 1))
+    assert wire.vehicle.system_id == 1
+    assert wire.send_setpoint(setpoint(5.0))
+    clock.advance(STALE_S + 1e-6)
+    assert not wire.send_setpoint(setpoint(5.0))
+    assert len(made[0].sent) == 1
+
+
 async def test_unknown_host_is_one_clear_error():
     with pytest.raises(WireError, match="unknown host"):
         await Wire.open("udpout://no-such-host.invalid:14550")
