@@ -23,7 +23,7 @@ import cv2
 from sitl_mocks import scenario
 from sitl_mocks.lens import Lens
 from sitl_mocks.simulator import Simulator, SimulatorConfig
-from sitl_mocks.vehicle import Personality
+from sitl_mocks.vehicle import PREPARED, Personality
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,6 +45,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--move-after", type=_between(0, 3600), default=0.0, metavar="S", help="wait once at height")
     add("--start-in-air", action="store_true", help="begin armed and hovering at the scenario's height")
     add("--wind", type=_wind, default=(0.0, 0.0, 0.0), metavar="N,E", help="wind in m/s towards north and east")
+    add("--prepared", action="store_true", help="with the parameters of a careful owner, not of the factory")
+    add("--param", type=_parameter, action="append", default=[], metavar="NAME=VALUE", help="may be repeated")
     add("--loss", type=_between(0, 1), default=0.0, help="share of MAVLink datagrams lost each way")
     add("--truth", type=Path, metavar="FILE", help="write the truth of each frame as JSONL")
     add("--summary", type=Path, metavar="FILE", help="write the wire monitor's summary at the end")
@@ -65,6 +67,19 @@ def _wind(text: str) -> tuple[float, float, float]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not N,E in m/s") from None
     return north, east, 0.0
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    name, _, number = text.partition("=")
+    try:
+        return name, float(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE with a number") from None
+
+
+def _parameters(options: argparse.Namespace) -> dict[str, float]:
+    prepared = PREPARED[Personality(options.personality)] if options.prepared else {}
+    return {**prepared, **dict(options.param)}
 
 
 def _between(low: float, high: float) -> Any:
@@ -93,6 +108,7 @@ def _config(options: argparse.Namespace) -> SimulatorConfig:
         seed=options.seed or 0,
         wind_ned_mps=options.wind,
         loss_frac=options.loss,
+        parameters=_parameters(options),
         truth_file=options.truth,
         summary_file=options.summary,
     )

@@ -16,7 +16,7 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -36,7 +36,11 @@ from sitl_mocks.vehicle.server import run_udp
 
 @dataclass(frozen=True, slots=True)
 class SimulatorConfig:
-    """What the command line sets. mavlink: where the station listens. loss_frac: of MAVLink, each way."""
+    """What the command line sets.
+
+    mavlink: where the station listens. loss_frac: of MAVLink, each way. parameters: the vehicle's, by name,
+    in place of the defaults.
+    """
 
     scenario: Scenario
     mavlink: tuple[str, int] = ("127.0.0.1", 14540)
@@ -54,6 +58,7 @@ class SimulatorConfig:
     seed: int = 0
     wind_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     loss_frac: float = 0.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
     truth_file: Path | None = None
     summary_file: Path | None = None
 
@@ -75,6 +80,7 @@ class Simulator:
             config.personality,
             yaw_rad=config.scenario.heading_rad,
             airborne_m=config.scenario.height_m if config.start_in_air else None,
+            parameters=config.parameters,
             disturbance=Disturbance(wind_ned_mps=config.wind_ned_mps, seed=config.seed),
             seed=config.seed,
         )

@@ -2,6 +2,7 @@
 
 from sitl_mocks.vehicle.core import Faults, MockVehicle, Pose
 from sitl_mocks.vehicle.modes import Landed, Mode, Personality, Result
+from sitl_mocks.vehicle.params import PREPARED
 from sitl_mocks.vehicle.telemetry import Home
 
-__all__ = ["Faults", "Home", "Landed", "MockVehicle", "Mode", "Personality", "Pose", "Result"]
+__all__ = ["PREPARED", "Faults", "Home", "Landed", "MockVehicle", "Mode", "Personality", "Pose", "Result"]

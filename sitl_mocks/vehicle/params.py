@@ -6,6 +6,7 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from sitl_mocks.vehicle.modes import Personality
 
@@ -68,6 +69,34 @@ _ARDUPILOT_FLOATS = {
     "WPNAV_SPEED_DN": 150.0,
     "WPNAV_SPEED_UP": 250.0,
 }
+
+# What a careful owner sets before being followed; the rest stays as the autopilot comes.
+PREPARED: Mapping[Personality, Mapping[str, float]] = MappingProxyType(
+    {
+        Personality.PX4: MappingProxyType(
+            {
+                "COM_OF_LOSS_T": 0.5,
+                "COM_OBL_RC_ACT": 5.0,  # Hold
+                "COM_RC_OVERRIDE": 3.0,  # sticks take over in OFFBOARD too
+                "NAV_DLL_ACT": 2.0,  # Return; 1 (Hold) goes back into OFFBOARD by itself when heartbeats return
+                "GF_ACTION": 2.0,
+                "GF_MAX_HOR_DIST": 500.0,
+                "GF_MAX_VER_DIST": 120.0,
+            }
+        ),
+        Personality.ARDUPILOT: MappingProxyType(
+            {
+                "GUID_TIMEOUT": 1.0,
+                "FS_GCS_ENABLE": 1.0,  # RTL
+                "MAV_GCS_SYSID": 255.0,
+                "FENCE_ENABLE": 1.0,
+                "FENCE_ACTION": 1.0,
+                "FENCE_RADIUS": 500.0,
+                "FENCE_ALT_MAX": 120.0,
+            }
+        ),
+    }
+)
 
 
 @dataclass(slots=True)
