@@ -97,7 +97,7 @@ class OneWay:
 
     def take(self, now_s: float) -> list[bytes]:
         """The datagrams of `put` that have arrived by now_s, in their order of arrival."""
-        arrived = []
+        arrived: list[bytes] = []
         while self._queue and self._queue[0][0] <= now_s + 1e-9:
             arrived.append(heapq.heappop(self._queue)[2])
         return arrived
@@ -122,9 +122,8 @@ class OneWay:
             datagram = datagram[: self._random.randrange(len(datagram))]
         if datagram and self._happens(self.conditions.corrupt_frac):
             self.counts.corrupted += 1
-            bits = self._random.sample(range(8 * len(datagram)), self._random.randint(1, 8))
             damaged = bytearray(datagram)
-            for bit in bits:
+            for bit in self._random.sample(range(8 * len(datagram)), self._random.randint(1, 8)):
                 damaged[bit // 8] ^= 1 << bit % 8
             datagram = bytes(damaged)
         return datagram
@@ -150,7 +149,7 @@ class _Side(asyncio.DatagramProtocol):
         self._received(data, addr[:2])
 
     def error_received(self, exc: Exception) -> None:
-        """Nobody listens there at the moment; a link does not care."""
+        """Nobody listens there: a link does not care."""
 
 
 class Proxy:
@@ -166,8 +165,7 @@ class Proxy:
     def address(self) -> Address:
         """Where it listens, the real port."""
         assert self._front is not None, "the proxy is not open"
-        host, port = self._front.get_extra_info("sockname")[:2]
-        return host, port
+        return tuple(self._front.get_extra_info("sockname")[:2])
 
     async def __aenter__(self) -> Proxy:
         self._front = await _open(self._from_front, local_addr=self._listen)
