@@ -23,6 +23,19 @@ _ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _CRITICAL = 5  # MAV_STATE_CRITICAL and above: a failsafe is active
 _LANDED_IN_AIR = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
 
+# What moves a vehicle and must come from the gate; nobody else on this side may send it.
+MOVING_MESSAGES = frozenset(
+    {
+        dialect.MAVLINK_MSG_ID_MANUAL_CONTROL,
+        dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE,
+        dialect.MAVLINK_MSG_ID_MANUAL_SETPOINT,
+        dialect.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
+        dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
+        dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+        dialect.MAVLINK_MSG_ID_SET_ACTUATOR_CONTROL_TARGET,
+    }
+)
+
 
 @dataclass(frozen=True, slots=True)
 class VehicleId:
@@ -110,6 +123,11 @@ def set_message_interval(vehicle: VehicleId, message_id: int, rate_hz: float) ->
     """MAV_CMD_SET_MESSAGE_INTERVAL; rate_hz > 0."""
     interval_us = float(round(1e6 / rate_hz))
     return command(vehicle, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, float(message_id), interval_us)
+
+
+def param_request_read(vehicle: VehicleId, name: str) -> Message:
+    """PARAM_REQUEST_READ of a name of at most 16 characters."""
+    return dialect.MAVLink_param_request_read_message(vehicle.system_id, vehicle.component_id, name.encode("ascii"), -1)
 
 
 def is_from(message: Message, vehicle: VehicleId) -> bool:

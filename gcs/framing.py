@@ -13,7 +13,7 @@ dialect: Any = every_dialect
 Message: TypeAlias = Any  # a pymavlink MAVLink_message; the package carries no types
 
 MARKER_V1, MARKER_V2 = 0xFE, 0xFD
-_SIGNED = 0x01
+SIGNED = 0x01  # the only incompatibility flag there is
 _SIGNATURE_BYTES = 13
 MAX_DATAGRAM_BYTES = 4096  # more is not MAVLink; bounds the time that garbage can cost
 
@@ -100,7 +100,7 @@ class Deframer:
         if length == 0:
             return self._garbage()
         frame = buffer[at : at + length]
-        if _message_id(frame) not in dialect.mavlink_map:  # its checksum cannot be known
+        if message_id(frame) not in dialect.mavlink_map:  # its checksum cannot be known
             return self._garbage()
         try:
             message = self._mav.decode(frame)
@@ -125,27 +125,28 @@ def _frame_length(buffer: bytearray, at: int) -> int | None:
     if len(buffer) < at + 3:
         return None
     flags = buffer[at + 2]
-    if flags & ~_SIGNED:
+    if flags & ~SIGNED:
         return 0
-    return 10 + buffer[at + 1] + 2 + (_SIGNATURE_BYTES if flags & _SIGNED else 0)
+    return 10 + buffer[at + 1] + 2 + (_SIGNATURE_BYTES if flags & SIGNED else 0)
 
 
-def _message_id(frame: bytes | bytearray) -> int:
+def message_id(frame: bytes | bytearray) -> int:
+    """Of a whole frame."""
     if frame[0] == MARKER_V1:
         return frame[5]
     return frame[7] | frame[8] << 8 | frame[9] << 16
 
 
-def split_ids(data: bytes) -> list[int] | None:
-    """Message ids of the frames that fill `data` exactly; None if anything else is in it.
+def split_frames(data: bytes) -> list[bytes] | None:
+    """The frames that fill `data` exactly; None if anything else is in it.
 
     For bytes of our own side (MAVSDK), whose checksums need no check but whose kinds do.
     """
-    buffer, at, ids = bytearray(data), 0, list[int]()
+    buffer, at, frames = bytearray(data), 0, list[bytes]()
     while at < len(buffer):
         length = _frame_length(buffer, at)
         if not length or at + length > len(buffer):
             return None
-        ids.append(_message_id(buffer[at : at + length]))
+        frames.append(data[at : at + length])
         at += length
-    return ids or None
+    return frames or None

@@ -15,7 +15,7 @@ from gcs import codec
 from gcs.autopilot.ardupilot import ArduCopter
 from gcs.autopilot.px4 import Px4
 from gcs.codec import VehicleId
-from gcs.framing import CodecError, Deframer, Encoder, split_ids
+from gcs.framing import CodecError, Deframer, Encoder, split_frames
 from tests.gcs.wire_peer import heartbeat, setpoint
 
 VEHICLE = VehicleId(1, 1, Px4())
@@ -144,12 +144,12 @@ def test_stream_remainder_is_bounded():
     assert len(deframer._rest) <= 280 + 13
 
 
-def test_split_ids_sees_through_to_every_frame():
+def test_split_frames_sees_through_to_every_frame():
     sent = frames(heartbeat(), attitude())
-    assert split_ids(b"".join(sent)) == [0, 30]
-    assert split_ids(b"".join(sent) + b"x") is None
-    assert split_ids(sent[0][:-1]) is None
-    assert split_ids(b"") is None
+    assert split_frames(b"".join(sent)) == sent
+    assert split_frames(b"".join(sent) + b"x") is None
+    assert split_frames(sent[0][:-1]) is None
+    assert split_frames(b"") is None
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,10 @@ from gcs import codec, transport_stream
 from gcs.clock import FakeClock, MonotonicClock
 from gcs.errors import VehicleError, WireError
 from gcs.framing import Encoder
+from gcs.link_meters import LossMeter
 from gcs.tlog import TlogWriter
 from gcs.transport import parse_url
-from gcs.wire import PEER_SILENCE_S, STALE_S, LossMeter, Wire
+from gcs.wire import PEER_SILENCE_S, STALE_S, Wire
 from tests.gcs.wire_peer import Peer, eventually, heartbeat, setpoint
 
 
