@@ -124,6 +124,7 @@ class EngagementConfig:
     heartbeat_age_s: float = _ranged(1.1, 3.0, 3.0)
     engage_s: float = _ranged(0.2, 1.5, 3.0)  # until the vehicle says that the mode is ours
     hold_s: float = _ranged(0.5, 2.0, 5.0)  # until the vehicle says that it holds, then silence
+    lag_quiet_s: float = _ranged(0.5, 2.0, 30.0)  # after a tick of our own later than request_age_s: no engaging
     max_rejections: int = field(default=5, metadata={"low": 1, "high": 10})
     confirm_confidence: float = _ranged(0.1, 0.5, 1.0)
     max_latency_s: float = _ranged(0.05, 0.4, 0.4)

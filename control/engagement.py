@@ -1,18 +1,20 @@
 """The follow state machine: when the vehicle may be moved. Pure; one call of update per 20 Hz tick.
 
-Order of judgement in every engaged state, worst first: abort, mode or arming changed (latched, silence),
-a gap of our own, link, telemetry, fence, stalled requests, and last the target. Only FOLLOWING and, fading
-to zero, COASTING may move the vehicle.
+Each tick gathers the causes that are active, and the worst decides (`control.causes` is the table). Only
+FOLLOWING and, fading to zero, COASTING may move the vehicle.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import assert_never
+from types import MappingProxyType
+from typing import Final
 
+from control.causes import Cause, Clear, Severity, leading, worst
 from control.config import EngagementConfig
-from control.preflight import Cause, Inputs, link_ok, refusals, target_seen, telemetry_ok, video_ok
+from control.preflight import Inputs, conditions, target_seen, video_ok
 from control.types import VehicleMode
 
 __all__ = ["Action", "Cause", "Engagement", "Inputs", "Output", "State"]
@@ -51,9 +53,25 @@ class Output:
     action: Action
     velocity_factor: float = 0.0
     engaging: bool = False  # confirmed, waiting for the vehicle to take up external control
+    warnings: tuple[Cause, ...] = ()  # to be told; they change nothing
 
 
-_HOLD_AT_LEAST_S = 0.5
+_REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = MappingProxyType(
+    {
+        Severity.NONE: (State.FOLLOWING, Action.SEND_REQUEST),
+        Severity.WARN: (State.FOLLOWING, Action.SEND_REQUEST),
+        Severity.COAST: (State.COASTING, Action.SEND_REQUEST),
+        Severity.ZERO: (State.LOST_HOLD, Action.SEND_ZERO),
+        Severity.RELEASE: (State.RELEASED, Action.COMMAND_HOLD),
+        Severity.SILENT: (State.RELEASED, Action.SILENCE),
+        Severity.TAKEN_OVER: (State.TAKEN_OVER, Action.SILENCE),
+        Severity.ABORT: (State.RELEASED, Action.COMMAND_HOLD),
+    }
+)
+_ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
+_ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
+_HOLD_AT_LEAST_S: Final = 0.5
+_RECOVERY: Final = 0.25  # as in PX4: a flickering condition still ends in its action
 
 
 class Engagement:
@@ -62,9 +80,11 @@ class Engagement:
     def __init__(self, config: EngagementConfig | None = None) -> None:
         self._config = config or EngagementConfig()
         self._state = State.NO_VIDEO
-        self._reasons: tuple[Cause, ...] = ()
+        self._reasons: tuple[Cause, ...] = ()  # shown: why it ended, or why a confirm was refused
+        self._clear = Clear.WHEN_GONE  # how what has ended is undone
         self._since_s = 0.0  # when this state began; while engaging, the confirmation
         self._seen_s = 0.0  # when the target was last measured to our liking
+        self._unseen_debt_s = 0.0  # time without the target that has not been made up for
         self._engaging = False
         self._holding = False  # released, and the hold mode not yet seen
         self._last_tick_s: float | None = None
@@ -73,123 +93,106 @@ class Engagement:
         """Judge one tick. reasons: the refusals of a confirm, or why following stopped or slows."""
         gap_s = 0.0 if self._last_tick_s is None else now_s - self._last_tick_s
         self._last_tick_s = now_s
-        match self._state:
-            case State.FOLLOWING | State.COASTING | State.LOST_HOLD:
-                return self._engaged(now_s, inputs, gap_s)
-            case State.NO_VIDEO | State.IDLE | State.SELECTED:
-                return self._engaged(now_s, inputs, gap_s) if self._engaging else self._waiting(now_s, inputs)
-            case State.RELEASED | State.TAKEN_OVER:
-                return self._ended(now_s, inputs)
-            case _:  # pragma: no cover - the type checker proves it
-                assert_never(self._state)
+        active = conditions(inputs, now_s, self._config)
+        if self._engaging or self._state in _ENGAGED:
+            output = self._engaged(now_s, inputs, active, gap_s)
+        elif self._state in _ENDED:
+            output = self._ended(now_s, inputs, active)
+        else:
+            output = self._waiting(now_s, inputs, active)
+        return replace(output, warnings=tuple(cause for cause in active if cause.severity is Severity.WARN))
 
-    def _waiting(self, now_s: float, inputs: Inputs) -> Output:
+    def _waiting(self, now_s: float, inputs: Inputs, active: tuple[Cause, ...]) -> Output:
         resting = self._resting(now_s, inputs)
         if resting is not self._state or inputs.select:
             self._go(resting, now_s)
         if inputs.abort:
             if inputs.vehicle.mode is VehicleMode.EXTERNAL:
-                return self._release(now_s, inputs, Cause.ABORT)
+                return self._end(now_s, inputs, (Cause.ABORT,))
         elif inputs.confirm:
-            self._reasons = refusals(inputs, now_s, self._config)
+            self._reasons = tuple(cause for cause in active if cause.refuses)
             if not self._reasons:
-                self._engaging, self._since_s, self._seen_s = True, now_s, now_s
-                return self._engaged(now_s, inputs, 0.0)
+                self._engaging, self._since_s, self._seen_s, self._unseen_debt_s = True, now_s, now_s, 0.0
+                return self._engaged(now_s, inputs, active, 0.0)
         return Output(self._state, self._reasons, Action.NONE)
 
-    def _engaged(self, now_s: float, inputs: Inputs, gap_s: float) -> Output:
-        mode = inputs.vehicle.mode
-        if inputs.abort and mode in (VehicleMode.EXTERNAL, VehicleMode.HOLD):
-            return self._release(now_s, inputs, Cause.ABORT)
-        taken = self._taken_over(inputs)
-        if taken is not None:
-            self._go(State.TAKEN_OVER, now_s, taken)
-            return Output(self._state, self._reasons, Action.SILENCE)
-        cause = self._why_release(now_s, inputs, gap_s)
-        if cause is not None:
-            return self._release(now_s, inputs, cause)
-        if not self._engaging:
-            return self._follow(now_s, inputs)
-        if mode is VehicleMode.EXTERNAL:
-            self._go(State.FOLLOWING, now_s)
-            return self._follow(now_s, inputs)
-        if now_s - self._since_s > self._config.engage_s:
-            return self._release(now_s, inputs, Cause.MODE_REFUSED)
-        return Output(self._state, (), Action.ENGAGE, engaging=True)
+    def _engaged(self, now_s: float, inputs: Inputs, active: tuple[Cause, ...], gap_s: float) -> Output:
+        causes = (*active, *self._own_causes(now_s, inputs, gap_s))
+        if self._engaging and inputs.vehicle.mode is not VehicleMode.EXTERNAL and worst(causes) < Severity.RELEASE:
+            return Output(self._state, (), Action.ENGAGE, engaging=True)
+        causes = (*causes, *self._target_causes(now_s, inputs, gap_s))
+        severity = worst(causes)
+        if severity >= Severity.RELEASE:
+            return self._end(now_s, inputs, leading(causes))
+        state, action = _REACTIONS[severity]
+        if state is not self._state:
+            self._go(state, now_s)
+        if severity < Severity.COAST:
+            return Output(state, (), action, 1.0)
+        config, unseen_s = self._config, now_s - self._seen_s
+        factor = (config.lost_s - unseen_s) / (config.lost_s - config.target_age_s)
+        return Output(state, leading(causes), action, min(max(factor, 0.0), 1.0))
 
-    def _taken_over(self, inputs: Inputs) -> Cause | None:
-        mode = inputs.vehicle.mode
-        if inputs.vehicle.failsafe:
-            return Cause.FAILSAFE
-        if mode is not VehicleMode.EXTERNAL and not (self._engaging and mode is VehicleMode.HOLD):
-            return Cause.MODE_CHANGED
-        return None if inputs.vehicle.armed else Cause.NOT_ARMED
-
-    def _why_release(self, now_s: float, inputs: Inputs, gap_s: float) -> Cause | None:
-        config, asked_s = self._config, inputs.request_t_s
+    def _own_causes(self, now_s: float, inputs: Inputs, gap_s: float) -> tuple[Cause, ...]:
+        """What ends a follow and needs memory, or the operator's order."""
+        config, mode, asked_s = self._config, inputs.vehicle.mode, inputs.request_t_s
         silent_s = now_s - (self._since_s if asked_s is None else max(asked_s, self._since_s))
+        awaited = self._engaging and mode is VehicleMode.HOLD
         checks = (
             (Cause.OWN_GAP, 0 <= gap_s <= config.request_age_s),
-            (Cause.LINK_LOST, link_ok(inputs, now_s, config)),
-            (Cause.TELEMETRY_STALE, telemetry_ok(inputs, now_s, config)),
-            (Cause.OUTSIDE_FENCE, not inputs.outside_fence),
             (Cause.STALLED, self._state is not State.FOLLOWING or silent_s <= config.stall_s),
+            (Cause.MODE_REFUSED, not awaited or now_s - self._since_s <= config.engage_s),
+            (Cause.MODE_CHANGED, mode is VehicleMode.EXTERNAL or awaited),
+            (Cause.ABORT, not (inputs.abort and mode in (VehicleMode.EXTERNAL, VehicleMode.HOLD))),
         )
-        return next((cause for cause, fine in checks if not fine), None)
+        return tuple(cause for cause, fine in checks if not fine)
 
-    def _follow(self, now_s: float, inputs: Inputs) -> Output:
+    def _target_causes(self, now_s: float, inputs: Inputs, gap_s: float) -> tuple[Cause, ...]:
+        """How long the target is unseen; in a row, or in pieces that being seen has not made up for."""
         config = self._config
         if target_seen(inputs, now_s, config):
             self._seen_s = max(self._seen_s, inputs.measured_t_s or self._seen_s)
-            self._become(State.FOLLOWING, now_s)
-            return Output(self._state, (), Action.SEND_REQUEST, 1.0)
-        unseen_s = now_s - self._seen_s
-        if unseen_s > config.release_s:
-            return self._release(now_s, inputs, Cause.TARGET_LOST)
-        if unseen_s >= config.lost_s:
-            self._become(State.LOST_HOLD, now_s)
-            return Output(self._state, (Cause.TARGET_UNSEEN,), Action.SEND_ZERO)
-        self._become(State.COASTING, now_s)
-        factor = min((config.lost_s - unseen_s) / (config.lost_s - config.target_age_s), 1.0)
-        return Output(self._state, (Cause.TARGET_UNSEEN,), Action.SEND_REQUEST, factor)
+            self._unseen_debt_s = max(self._unseen_debt_s - _RECOVERY * gap_s, 0.0)
+            return ()
+        self._unseen_debt_s += gap_s
+        if max(now_s - self._seen_s, self._unseen_debt_s) > config.release_s:
+            return (Cause.TARGET_LOST,)
+        return (Cause.TARGET_AWAY if now_s - self._seen_s >= config.lost_s else Cause.TARGET_UNSEEN,)
 
-    def _release(self, now_s: float, inputs: Inputs, cause: Cause) -> Output:
-        self._go(State.RELEASED, now_s, cause)
-        self._holding = True
+    def _end(self, now_s: float, inputs: Inputs, causes: tuple[Cause, ...]) -> Output:
+        state, action = _REACTIONS[worst(causes)]
+        self._go(state, now_s, *causes)
+        latched = any(cause.clear is Clear.BY_ACKNOWLEDGE for cause in causes)
+        self._clear = Clear.BY_ACKNOWLEDGE if latched else Clear.BY_SELECTION
+        self._holding = action is Action.COMMAND_HOLD
         return self._hold(now_s, inputs)
 
     def _hold(self, now_s: float, inputs: Inputs) -> Output:
         """Ask for hold until it is seen, and a moment longer: our own mode request may still be under way."""
         mode, age_s = inputs.vehicle.mode, now_s - self._since_s
-        if mode is VehicleMode.EXTERNAL:
-            if age_s > self._config.hold_s:
-                self._holding = False
-                self._reasons = (*self._reasons, Cause.HOLD_REFUSED)
-        elif mode is not VehicleMode.HOLD or age_s > _HOLD_AT_LEAST_S:
+        if self._holding and mode is VehicleMode.EXTERNAL and age_s > self._config.hold_s:
+            self._reasons = (*self._reasons, Cause.HOLD_REFUSED)
+            self._clear, self._holding = Cause.HOLD_REFUSED.clear, False
+        elif mode is not VehicleMode.EXTERNAL and (mode is not VehicleMode.HOLD or age_s > _HOLD_AT_LEAST_S):
             self._holding = False
-        action = Action.COMMAND_HOLD if self._holding else Action.SILENCE
-        return Output(self._state, self._reasons, action)
+        return Output(self._state, self._reasons, Action.COMMAND_HOLD if self._holding else Action.SILENCE)
 
-    def _ended(self, now_s: float, inputs: Inputs) -> Output:
+    def _ended(self, now_s: float, inputs: Inputs, active: tuple[Cause, ...]) -> Output:
         if inputs.abort and inputs.vehicle.mode is VehicleMode.EXTERNAL:
-            return self._release(now_s, inputs, Cause.ABORT)
+            return self._end(now_s, inputs, (Cause.ABORT,))
         if self._holding:
             return self._hold(now_s, inputs)
-        if inputs.acknowledge or (inputs.select and self._state is State.RELEASED):
+        if inputs.acknowledge or (inputs.select and self._clear is Clear.BY_SELECTION):
             self._go(self._resting(now_s, inputs), now_s)
             return Output(self._state, (), Action.NONE)
         if inputs.confirm:
-            self._reasons = (Cause.ACKNOWLEDGE, *refusals(inputs, now_s, self._config))
+            self._reasons = (Cause.ACKNOWLEDGE, *(cause for cause in active if cause.refuses))
         return Output(self._state, self._reasons, Action.SILENCE)
 
     def _resting(self, now_s: float, inputs: Inputs) -> State:
         if not video_ok(inputs, now_s, self._config):
             return State.NO_VIDEO
         return State.SELECTED if inputs.selected else State.IDLE
-
-    def _become(self, state: State, now_s: float) -> None:
-        if state is not self._state:
-            self._go(state, now_s)
 
     def _go(self, state: State, now_s: float, *reasons: Cause) -> None:
         self._state, self._since_s, self._reasons, self._engaging = state, now_s, reasons, False

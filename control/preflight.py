@@ -1,45 +1,13 @@
-"""What a follow needs before it starts: every reason to refuse, not only the first."""
+"""What the state machine looks at, and every cause that can be told from it at one moment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 
+from control.causes import Cause
 from control.config import EngagementConfig
 from control.gate_limits import fresh
 from control.types import VehicleMode, VehicleState
-
-
-class Cause(Enum):
-    """Why the state machine refuses or stops, in the operator's words."""
-
-    NOT_SELECTED = "no target is selected"
-    NO_VIDEO = "no fresh video"
-    NO_TARGET = "the target is not being measured"
-    LOW_CONFIDENCE = "the tracker is not sure enough of the target"
-    NO_DISTANCE = "the distance to the target is unknown: type it"
-    LATENCY = "the picture reaches the controls too late"
-    ATTITUDE_SLOW = "attitude arrives too slowly"
-    LINK_LOST = "no heartbeat from the vehicle"
-    TELEMETRY_STALE = "attitude or position is too old"
-    NOT_ARMED = "the vehicle is not armed"
-    NOT_IN_AIR = "the vehicle is not in the air"
-    TOO_LOW = "the vehicle is too low"
-    MODE = "the vehicle is neither in hold nor in external control"
-    FAILSAFE = "the vehicle has a failsafe active"
-    BATTERY = "the battery is too low"
-    OUTSIDE_FENCE = "the vehicle is at or outside the fence"
-    AUDIT = "the vehicle's parameters are not safe for following"
-    ACKNOWLEDGE = "the last follow ended by itself: acknowledge or select again first"
-    # From here on reasons to stop only.
-    ABORT = "the operator stopped it"
-    MODE_CHANGED = "the pilot or the vehicle changed the mode"
-    TARGET_LOST = "the target was lost for too long"
-    TARGET_UNSEEN = "the target is not seen"
-    OWN_GAP = "our own program paused"
-    STALLED = "the controller stopped asking"
-    MODE_REFUSED = "the vehicle did not take up external control"
-    HOLD_REFUSED = "the vehicle did not take up hold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +15,8 @@ class Inputs:
     """All the state machine looks at in one tick. Times: arrival, seconds of the monotonic clock.
 
     measured_t_s: when the estimator last accepted a measurement. request_t_s: of the newest follow request.
-    latency_s: age of the picture behind the newest measurement when it became a command. Last come the
-    operator's acts, each True in one tick only.
+    latency_s: age of the picture behind the newest measurement when it became a command. late_t_s: of the last
+    tick of our own that came too late. Last come the operator's acts, each True in one tick only.
     """
 
     vehicle: VehicleState = field(default_factory=VehicleState)
@@ -63,14 +31,20 @@ class Inputs:
     request_t_s: float | None = None
     outside_fence: bool = False
     audit_ok: bool = True
+    late_t_s: float | None = None
+    camera_wrong: bool = False  # the picture does not turn as the vehicle does
+    echo_lost: bool = False  # the vehicle says that it follows something older than what we send
+    foreign_setpoints: bool = False  # the vehicle says that it follows what we never sent
+    lossy: bool = False  # much of the telemetry is lost
+    foreign_station: bool = False
     select: bool = False
     confirm: bool = False
     abort: bool = False
     acknowledge: bool = False
 
 
-def refusals(inputs: Inputs, now_s: float, config: EngagementConfig) -> tuple[Cause, ...]:
-    """Every reason not to start following now; empty = all green."""
+def conditions(inputs: Inputs, now_s: float, config: EngagementConfig) -> tuple[Cause, ...]:
+    """Every cause that holds now and needs no memory, in the order of the table."""
     vehicle, battery = inputs.vehicle, inputs.vehicle.battery_frac
     checks = (
         (Cause.NOT_SELECTED, inputs.selected),
@@ -90,8 +64,19 @@ def refusals(inputs: Inputs, now_s: float, config: EngagementConfig) -> tuple[Ca
         (Cause.BATTERY, battery is None or battery >= config.min_battery_frac),
         (Cause.OUTSIDE_FENCE, not inputs.outside_fence),
         (Cause.AUDIT, inputs.audit_ok),
+        (Cause.OWN_LAG, not fresh(inputs.late_t_s, now_s, config.lag_quiet_s)),
+        (Cause.CAMERA_WRONG, not inputs.camera_wrong),
+        (Cause.ECHO_LOST, not inputs.echo_lost),
+        (Cause.FOREIGN_SETPOINTS, not inputs.foreign_setpoints),
+        (Cause.LOSSY, not inputs.lossy),
+        (Cause.FOREIGN_STATION, not inputs.foreign_station),
     )
     return tuple(cause for cause, fine in checks if not fine)
+
+
+def refusals(inputs: Inputs, now_s: float, config: EngagementConfig) -> tuple[Cause, ...]:
+    """Every reason not to start following now; empty = all green."""
+    return tuple(cause for cause in conditions(inputs, now_s, config) if cause.refuses)
 
 
 def video_ok(inputs: Inputs, now_s: float, config: EngagementConfig) -> bool:

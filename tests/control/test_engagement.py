@@ -105,6 +105,7 @@ def test_a_refusal_lists_every_reason():
         VehicleMode.MANUAL, confirm=True, selected=False, frame_t_s=None, measured_t_s=None, confidence=0.1,
         distance_known=False, latency_s=0.5, attitude_rate_hz=3.0, heartbeat_t_s=None, attitude_t_s=None, armed=False,
         in_air=False, height_m=1.0, failsafe=True, battery_frac=0.2, outside_fence=True, audit_ok=False,
+        late_t_s=story.now, camera_wrong=True, echo_lost=True, foreign_setpoints=True,
     )  # fmt: skip
     assert out.action is Action.NONE
     assert list(out.reasons) == list(Cause)[: list(Cause).index(Cause.ACKNOWLEDGE)]
