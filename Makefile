@@ -5,13 +5,15 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test check bench coverage lock wheel-test clean
+.PHONY: help setup demo test check bench coverage mutate gate-million lock wheel-test clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
 	@echo "make test    run the tests"
 	@echo "make check   ruff, mypy, import-linter, codespell"
 	@echo "make bench   measure speed and memory, side by side in one run"
+	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
+	@echo "make gate-million   a million random calls of the gate and 20,000 of hypothesis'"
 	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
 
 setup: $(STAMP)
@@ -40,6 +42,12 @@ bench: $(STAMP)
 coverage: $(STAMP)
 	$(BIN)/coverage run --branch --include='control/gate.py,control/engagement.py' -m pytest tests/control tests/property
 	$(BIN)/coverage report --fail-under=100
+
+mutate: $(STAMP)
+	$(BIN)/python tests/mutation/mutate.py $(ONLY)
+
+gate-million: $(STAMP)
+	GATE_CALLS=1000000 GATE_EXAMPLES=20000 $(BIN)/pytest tests/property/test_gate_property.py --timeout 3600 --durations=5
 
 # Pins every package to what is installed now; the next set-up elsewhere is identical.
 lock: $(STAMP)
