@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from control.modes import FollowMode
+from gcs.audit import known_name
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock, MonotonicClock
@@ -56,6 +57,8 @@ def main(args: argparse.Namespace) -> int:
         if not (math.isfinite(args.timeout) and args.timeout > 0):
             raise GcsError(f"--timeout {args.timeout:g}: must be more than 0")
         vehicle = replace(vehicle, timeout_s=args.timeout)
+    accepted = (*vehicle.accept_parameters, *map(known_name, args.accept))
+    vehicle = replace(vehicle, accept_parameters=accepted)
     video = args.video or config.video.url
     if not video:
         raise VideoError("no video: give --video URL, or video.url in the configuration")

@@ -77,6 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=_version())
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     _add_run(commands, common)
+    _add_audit(commands, common)
     _add_dry_run(commands, common)
     _add_demo(commands, common)
     _add_weights(commands, common)
@@ -99,6 +100,23 @@ def _add_run(commands: Commands, common: Parser) -> None:
     p.add_argument("--autopilot", choices=("auto", "px4", "ardupilot"), help="default: what its heartbeat says")
     p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
     p.add_argument("--out", metavar="DIR", help="where the recording goes")
+    _add_accept(p)
+
+
+def _add_accept(p: Parser) -> None:
+    text = "follow although `gcs audit` calls this parameter unsafe; repeat"
+    p.add_argument("--accept", metavar="NAME", action="append", default=[], help=text)
+
+
+def _add_audit(commands: Commands, common: Parser) -> None:
+    text = "whether the vehicle's parameters are safe for following; sets nothing; exit status 1 if not"
+    p = commands.add_parser("audit", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_audit:main")
+    p.add_argument("--vehicle", metavar="URL", help="as for `gcs run`")
+    p.add_argument("--config", metavar="FILE", help="configuration (YAML)")
+    p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
+    p.add_argument("--json", action="store_true", help="one JSON line")
+    _add_accept(p)
 
 
 def _add_dry_run(commands: Commands, common: Parser) -> None:

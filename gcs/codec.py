@@ -125,11 +125,6 @@ def set_message_interval(vehicle: VehicleId, message_id: int, rate_hz: float) ->
     return command(vehicle, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, float(message_id), interval_us)
 
 
-def param_request_read(vehicle: VehicleId, name: str) -> Message:
-    """PARAM_REQUEST_READ of a name of at most 16 characters."""
-    return dialect.MAVLink_param_request_read_message(vehicle.system_id, vehicle.component_id, name.encode("ascii"), -1)
-
-
 def is_from(message: Message, vehicle: VehicleId) -> bool:
     """Sent by the autopilot of this vehicle, not by another system or component."""
     return bool(message.get_srcSystem() == vehicle.system_id and message.get_srcComponent() == vehicle.component_id)

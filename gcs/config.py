@@ -13,6 +13,7 @@ from pathlib import Path
 
 from control.camera import CameraModel
 from control.config import ControlConfig
+from gcs.audit import KNOWN
 from gcs.config_yaml import load_dataclass
 from gcs.errors import ConfigError
 
@@ -147,7 +148,8 @@ class VideoConfig:
 class VehicleConfig:
     """The link: URL as udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/NAME:BAUD.
 
-    system_id: null takes the first autopilot heard. timeout_s: how long to wait for it.
+    system_id: null takes the first autopilot heard. timeout_s: how long to wait for it. accept_parameters: names
+    that the audit calls unsafe and you take as they are, as [COM_RC_OVERRIDE].
     """
 
     url: str = "udpin://0.0.0.0:14540"
@@ -155,6 +157,12 @@ class VehicleConfig:
     system_id: int | None = _whole(1, None, 254)
     takeoff_height_m: float = _ranged(2.0, 10.0, 100.0)
     timeout_s: float = _ranged(1.0, 15.0, 300.0)
+    accept_parameters: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.accept_parameters:
+            if name not in KNOWN:
+                raise ValueError(f"accept_parameters: {name!r} is none of {', '.join(sorted(KNOWN))}")
 
 
 @dataclass(frozen=True, slots=True)

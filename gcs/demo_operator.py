@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Final
 
 from control.engagement import State
+from gcs.audit import Audit
 from gcs.clock import Clock
 from gcs.demo_report import Span, TrackedFrame
 from gcs.demo_simulator import Simulator
@@ -56,6 +57,9 @@ class DemoOperator:
 
     def ticked(self, tick: Tick) -> None:
         """Nothing is needed of the ticks."""
+
+    def audited(self, t_s: float, audit: Audit) -> None:
+        """Nothing is needed of the audit."""
 
     def spans(self) -> list[Span]:
         """From each confirmation to the next, the last one to the end: lost time is counted in."""

@@ -63,7 +63,7 @@ async def simulator(
     arguments = [
         "--mavlink", f"127.0.0.1:{_free_udp_port()}", "--video-port", "0", "--scenario", scenario,
         "--personality", personality, "--truth", str(folder / TRUTH), "--summary", str(folder / SUMMARY),
-        "--exit-with-stdin", *([] if seed is None else ["--seed", str(seed)]), *extra,
+        "--exit-with-stdin", "--prepared", *([] if seed is None else ["--seed", str(seed)]), *extra,
     ]  # fmt: skip
     (folder / SUMMARY).unlink(missing_ok=True)
     with (folder / LOG).open("wb") as log:

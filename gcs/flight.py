@@ -19,6 +19,8 @@ from control.camera import CameraModel
 from control.engagement import Action, State
 from control.gate import TICK_S
 from control.types import VehicleMode
+from gcs.audit import Audit
+from gcs.auditor import Auditor
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock
@@ -82,6 +84,8 @@ class Flight:
         self._ticked: set[asyncio.Future[Tick]] = set()
         self._looked: set[asyncio.Future[Seen]] = set()
         self._modes = ModeSwitch(link.modes, say)
+        accepted = config.vehicle.accept_parameters
+        self.audit = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
         self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
         self._settled_s = clock.now_s() + _SETTLE_S
         self._texts_from_s = clock.now_s()
@@ -99,6 +103,7 @@ class Flight:
                 tasks = [
                     group.create_task(self._control(), name="control"),
                     group.create_task(self.link.telemetry.run(), name="telemetry"),
+                    group.create_task(self.audit.run(), name="audit"),
                     *(group.create_task(each) for each in beside),
                 ]
                 await self._stopping.wait()
@@ -130,6 +135,7 @@ class Flight:
 
     def step(self, now_s: float) -> Tick:
         """One tick: decide, send once, command the modes it asks for."""
+        self.control.audit_ok = self.audit.ok
         tick = self.control.tick(now_s, self.link.telemetry.vehicle_state())
         if tick.setpoint is not None:
             self.link.wire.send_setpoint(tick.setpoint)
@@ -238,6 +244,10 @@ class Flight:
     def status_line(self) -> str:
         """The same in one line."""
         return status_line(self.status())
+
+    def _audited(self, audit: Audit) -> None:
+        for watcher in self.watchers:
+            watcher.audited(self.clock.now_s(), audit)
 
     def _announce(self, tick: Tick) -> None:
         for text in self.link.telemetry.texts_since(self._texts_from_s, _LOUD):

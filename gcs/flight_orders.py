@@ -14,6 +14,7 @@ from gcs.flight import Flight
 from gcs.flight_control import Act, Tick
 from gcs.operator.orders import (
     Abort,
+    Accept,
     Acknowledge,
     Confirm,
     Hold,
@@ -78,6 +79,8 @@ class Orders:
                 return "returning home"
             case SetMode() | SetStandoff() | SetDistance():
                 return self._want(order)
+            case Accept(name):
+                return flight.audit.accept(name)
             case Quit():
                 flight.stop()
                 return "leaving"
@@ -129,10 +132,8 @@ class Orders:
     def _why_not(self, tick: Tick) -> tuple[str, ...]:
         if tick.output.state in (State.FOLLOWING, State.COASTING):  # the vehicle was in external control before
             return ()
-        problem = self._flight.control.confirm_problem
-        return tuple(
-            problem if cause is Cause.NO_DISTANCE and problem else cause.value for cause in tick.output.reasons
-        )
+        better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.audit.problem}
+        return tuple(better.get(cause) or cause.value for cause in tick.output.reasons)
 
     async def _hold(self) -> str:
         if self._flight.control.is_engaged:

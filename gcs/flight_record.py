@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from control.types import BearingMeasurement
+from gcs.audit import Audit
 from gcs.config import RecorderConfig
 from gcs.flight_control import Tick
 from gcs.flight_video import FlightVideo
@@ -66,6 +67,11 @@ class FlightRecorder:
         """Log the decision."""
         if self._messages is not None:
             self._messages.write(tick.t_s, tick)
+
+    def audited(self, t_s: float, audit: Audit) -> None:
+        """Log the vehicle's parameters."""
+        if self._messages is not None:
+            self._messages.write(t_s, audit)
 
     def close(self) -> list[str]:
         """Finish the files; what went wrong with them, in one line each."""

@@ -16,6 +16,7 @@ from control.modes import Confirmation, ground_distance_m
 from control.motion import distance_m
 from control.types import BearingMeasurement, TargetState, VehicleState
 from gcs import hud
+from gcs.audit import Audit
 from gcs.flight_control import Tick
 from gcs.flight_vision import Seen
 from gcs.telemetry import LINK_LOST_S, Telemetry
@@ -102,6 +103,10 @@ class Watcher(Protocol):
 
     def ticked(self, tick: Tick) -> None:
         """A decision has been made, and what it let through has been sent."""
+        ...
+
+    def audited(self, t_s: float, audit: Audit) -> None:
+        """The vehicle's parameters have been judged, with another result than before."""
         ...
 
 

@@ -29,6 +29,11 @@ class Autopilot(Protocol):
         """Everything to request by SET_MESSAGE_INTERVAL; nothing may be taken for granted."""
         ...
 
+    @property
+    def integers_bytewise(self) -> bool:
+        """PARAM_VALUE holds an integer's bytes, not its value as a float."""
+        ...
+
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """Meaning of HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode; OTHER if not one we know."""
         ...

@@ -41,6 +41,7 @@ class ArduCopter:
 
     name: str = "ArduCopter"
     streams: tuple[Stream, ...] = STREAMS
+    integers_bytewise: bool = False
 
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """VehicleMode of the flight mode's number."""

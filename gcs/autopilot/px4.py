@@ -40,6 +40,7 @@ class Px4:
 
     name: str = "PX4"
     streams: tuple[Stream, ...] = STREAMS
+    integers_bytewise: bool = True
 
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """VehicleMode of main and sub mode."""

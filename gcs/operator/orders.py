@@ -84,17 +84,36 @@ class SetDistance:
 
 
 @dataclass(frozen=True, slots=True)
+class Accept:
+    """Take this parameter of the vehicle as it is, although the audit calls it unsafe."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Quit:
     """Stop, hold and leave."""
 
 
 Order: TypeAlias = (
-    Select | Confirm | Acknowledge | Abort | Hold | TakeOff | Land | Return | SetMode | SetStandoff | SetDistance | Quit
+    Select
+    | Confirm
+    | Acknowledge
+    | Abort
+    | Hold
+    | TakeOff
+    | Land
+    | Return
+    | SetMode
+    | SetStandoff
+    | SetDistance
+    | Accept
+    | Quit
 )
 
 HELP = (
     "box X Y W H · follow · abort · ack · mode follow|spotlight · standoff M|now · distance M|auto · "
-    "hold · takeoff [M] · land · rtl · quit"
+    "hold · takeoff [M] · land · rtl · accept PARAMETER · quit"
 )
 
 
@@ -158,6 +177,7 @@ _ORDERS: Mapping[str, tuple[str, Callable[..., Order]]] = MappingProxyType(
         "mode": ("mode follow or mode spotlight", lambda name: SetMode(FollowMode(name))),
         "standoff": ("standoff METRES or standoff now", _standoff),
         "distance": ("distance METRES or distance auto", _distance),
+        "accept": ("accept NAME of a parameter", lambda name: Accept(name.upper())),
         "quit": ("quit", Quit),
     }
 )

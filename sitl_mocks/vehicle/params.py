@@ -50,12 +50,15 @@ _ARDUPILOT_INTS = {
     "FENCE_ACTION": (INT8, 1),
     "FENCE_ENABLE": (INT8, 0),
     "FENCE_TYPE": (INT8, 7),
+    "FLTMODE_CH": (INT8, 5),
     "FS_GCS_ENABLE": (INT8, 0),
+    "FS_OPTIONS": (INT32, 16),
     "FS_THR_ENABLE": (INT8, 1),
     "GUID_OPTIONS": (INT32, 0),
     "LAND_SPEED": (INT16, 50),
     "MAV_GCS_SYSID": (INT16, 255),
     "MAV_SYSID": (INT16, 1),
+    "RC_OPTIONS": (INT32, 32),
     "RTL_ALT": (INT32, 1500),
 }
 _ARDUPILOT_FLOATS = {

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import math
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ import pytest
 from control.engagement import State
 from control.types import VehicleMode
 from gcs.app import make_flight, open_link
+from gcs.audit import Audit
 from gcs.clock import MonotonicClock
 from gcs.config import CameraConfig, Config
 from gcs.errors import GcsError
@@ -29,7 +30,7 @@ from gcs.operator.orders import Abort, Acknowledge, Confirm, Land, Select
 from gcs.video import Frame
 from gcs.video.frame import Image
 from sitl_mocks.monitor import WireMonitor
-from sitl_mocks.vehicle import MockVehicle, Mode
+from sitl_mocks.vehicle import PREPARED, MockVehicle, Mode, Personality
 from sitl_mocks.vehicle.server import run_udp
 from tests.gcs.flight_rig import box_of
 from tests.gcs.test_wire import free_port
@@ -118,9 +119,13 @@ class Session:
 
 
 @contextlib.asynccontextmanager
-async def session(personality: str = "px4") -> AsyncIterator[Session]:
+async def session(
+    personality: str = "px4", parameters: Mapping[str, float] | None = None, accepted: tuple[str, ...] = ()
+) -> AsyncIterator[Session]:
+    """parameters: instead of those that a careful owner has set."""
     port = free_port()
-    mock = MockVehicle(personality, airborne_m=SEEN_HEIGHT_M)
+    prepared = PREPARED[Personality(personality)] if parameters is None else parameters
+    mock = MockVehicle(personality, airborne_m=SEEN_HEIGHT_M, parameters=prepared)
     monitor, said = WireMonitor(), []
     server = asyncio.create_task(
         run_udp(
@@ -131,6 +136,7 @@ async def session(personality: str = "px4") -> AsyncIterator[Session]:
         )
     )
     config = replace(Config(), camera=CameraConfig(hfov_deg=70.0, mount_rpy_deg=(0.0, -28.0, 0.0)))
+    config = replace(config, vehicle=replace(config.vehicle, accept_parameters=accepted))
     clock, camera = MonotonicClock(), TruthCamera(mock)
     tracker = TruthTracker(camera)
     try:
@@ -236,6 +242,8 @@ class Faulty:
     """A watcher with a fault, as any part may have one."""
 
     def saw(self, sighting: Sighting) -> None: ...
+
+    def audited(self, t_s: float, audit: Audit) -> None: ...
 
     def ticked(self, tick: Tick) -> None:
         raise RuntimeError("a fault of ours")

@@ -1,0 +1,86 @@
+"""`gcs audit`: the vehicle's parameters, judged as before a flight; sets nothing."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import math
+import sys
+import textwrap
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Final
+
+from gcs.audit import RULES, Audit, Level, judge, known_name
+from gcs.autopilot.parameters import read_parameters
+from gcs.clock import MonotonicClock
+from gcs.config import Config, load
+from gcs.errors import GcsError
+from gcs.wire import Wire
+
+_UNSAFE: Final = 1
+_WIDTH: Final = 100
+
+
+def main(args: argparse.Namespace) -> int:
+    """0: a follow may start. 1: something is unsafe and not accepted."""
+    config = load(args.config)
+    vehicle = config.vehicle
+    if args.timeout is not None:
+        if not (math.isfinite(args.timeout) and args.timeout > 0):
+            raise GcsError(f"--timeout {args.timeout:g}: must be more than 0")
+        vehicle = replace(vehicle, timeout_s=args.timeout)
+    accepted = {*vehicle.accept_parameters, *map(known_name, args.accept)}
+    audit = asyncio.run(_audit(args.vehicle or vehicle.url, replace(config, vehicle=vehicle), accepted))
+    print(_json(audit) if args.json else table(audit))
+    return 0 if audit.ok else _UNSAFE
+
+
+def _say(text: str) -> None:
+    print(f"gcs: {text}", file=sys.stderr, flush=True)
+
+
+async def _audit(url: str, config: Config, accepted: Collection[str]) -> Audit:
+    clock = MonotonicClock()
+    wire = await Wire.open(url, clock=clock, vehicle_system_id=config.vehicle.system_id)
+    try:
+        _say(f"waiting for a vehicle at {wire.url}")
+        vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)
+        names = [rule.names for rule in RULES[vehicle.autopilot.name]]
+        values = await read_parameters(wire, clock, names, _say)
+        return judge(vehicle.autopilot.name, values, accepted)
+    finally:
+        await wire.close()
+
+
+def table(audit: Audit) -> str:
+    """The findings, and the lines that put right what is not fine."""
+    lines = [f"{audit.autopilot}: {'a follow may start' if audit.ok else 'unsafe: no follow will start'}"]
+    for finding in audit.findings:
+        value = "no answer" if finding.value is None else f"{finding.value:g}"
+        verdict = "accepted" if finding.accepted and finding.level is Level.UNSAFE else finding.level.value
+        lines.append(f"  {verdict:9s} {finding.name:16s} {value:>10s}   wanted {finding.wanted}")
+        if finding.level is not Level.FINE:
+            lines.append(textwrap.fill(finding.why, _WIDTH, initial_indent=" " * 12, subsequent_indent=" " * 12))
+    to_set = [finding for finding in audit.findings if finding.level is not Level.FINE and finding.value is not None]
+    if to_set:
+        lines.append("To set in the autopilot's shell or a station that writes parameters:")
+        lines += [f"  param set {finding.name} {finding.set_to:g}" for finding in to_set]
+    return "\n".join(lines)
+
+
+def _json(audit: Audit) -> str:
+    rows = [
+        {
+            "name": finding.name,
+            "value": finding.value,
+            "wanted": finding.wanted,
+            "set_to": finding.set_to,
+            "level": finding.level.value,
+            "accepted": finding.accepted,
+            "why": finding.why,
+        }
+        for finding in audit.findings
+    ]
+    return json.dumps({"autopilot": audit.autopilot, "ok": audit.ok, "parameters": rows})
