@@ -17,7 +17,7 @@ import pytest
 
 from sitl_mocks import scenario
 from sitl_mocks.simulator import Simulator, SimulatorConfig
-from sitl_mocks.vehicle import Mode, Personality
+from sitl_mocks.vehicle import PREPARED, Mode, Personality
 from tests.gcs.test_wire import free_port
 
 
@@ -49,7 +49,13 @@ class World:
 async def world(folder: Path, personality: Personality = Personality.PX4) -> AsyncIterator[World]:
     port, truth, stop = free_port(), folder / "truth.jsonl", asyncio.Event()
     config = SimulatorConfig(
-        scenario.load("demo"), ("127.0.0.1", port), personality, fps=10.0, start_in_air=True, truth_file=truth
+        scenario.load("demo"),
+        ("127.0.0.1", port),
+        personality,
+        fps=10.0,
+        start_in_air=True,
+        truth_file=truth,
+        parameters=PREPARED[personality],
     )
     simulator = Simulator(config)
     ready: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
