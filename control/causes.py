@@ -74,7 +74,7 @@ class Cause(Enum):
         "the picture does not turn as the vehicle does: is the camera mirrored, rolled or on a gimbal?",
         _REFUSES, Severity.RELEASE, _ACKNOWLEDGE,
     )
-    ECHO_LOST = "the vehicle does not do what is sent: it seems not to hear us", _REFUSES, Severity.RELEASE, _ACKNOWLEDGE
+    ECHO_LOST = "the vehicle does not do what is sent: it may not hear us", _REFUSES, Severity.RELEASE, _ACKNOWLEDGE
     FOREIGN_SETPOINTS = "somebody else is steering the vehicle as well", _REFUSES, Severity.RELEASE, _ACKNOWLEDGE
     ACKNOWLEDGE = "the last follow ended by itself: acknowledge or select again first", _REFUSES, Severity.NONE, _SELECT
     # What is only told.

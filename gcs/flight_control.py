@@ -13,6 +13,7 @@ from typing import assert_never
 
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, bearing_measurement
+from control.camera_check import CameraCheck, Verdict
 from control.config import ControlConfig
 from control.engagement import Action, Engagement, Inputs, Output, State
 from control.estimator import TargetEstimator
@@ -22,8 +23,10 @@ from control.limits import after_setpoint, priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.preflight import refusals
 from control.ranging import Ranging
-from control.types import BearingMeasurement, Reason, TargetState, VehicleState, VelocityRequest
+from control.setpoint_echo import EchoMonitor
+from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
 from gcs.flight_vision import Seen
+from gcs.link_health import LinkHealth
 
 
 class Act(Enum):
@@ -66,6 +69,9 @@ class FollowControl:
         self._attitude = attitude
         self._estimator = TargetEstimator(config.estimator)
         self._engagement = Engagement(config.engagement)
+        self._camera_check = CameraCheck()
+        self._echo = EchoMonitor()
+        self._last_tick_s: float | None = None
         self._acts: set[Act] = set()
         self._selection = 0
         self._inputs = Inputs()
@@ -91,7 +97,15 @@ class FollowControl:
         """The operator has drawn box `number` (0: none): what was known of a target is forgotten."""
         self._selection = number
         self._estimator.reset()
-        self._inputs = replace(self._inputs, selected=number > 0, measured_t_s=None, confidence=0.0, latency_s=None)
+        self._camera_check.reset()
+        self._inputs = replace(
+            self._inputs,
+            selected=number > 0,
+            measured_t_s=None,
+            confidence=0.0,
+            latency_s=None,
+            camera_wrong=False,
+        )
         if number:
             self.act(Act.SELECT)
 
@@ -113,17 +127,20 @@ class FollowControl:
         except ValueError:  # a box no ray can be made of
             return None
         accepted = self._estimator.update(measurement)
+        verdict = self._camera_check.saw(measurement, attitude[2])
         self._inputs = replace(
             self._inputs,
             measured_t_s=now_s if accepted else self._inputs.measured_t_s,
             rejections_in_a_row=self._estimator.rejections_in_a_row,
             confidence=result.confidence,
             latency_s=now_s - t_capture_s + TICK_S,
+            camera_wrong=verdict is Verdict.WRONG,
         )
         return measurement
 
-    def tick(self, now_s: float, vehicle: VehicleState) -> Tick:
-        """Decide what leaves now. `setpoint` must be sent at once, or never."""
+    def tick(self, now_s: float, vehicle: VehicleState, link: LinkHealth | None = None) -> Tick:
+        """Decide what leaves now. `setpoint` must be sent at once, or never. link: None where nothing is known."""
+        self._watch(now_s, vehicle, link or LinkHealth())
         target = self._estimator.predict(now_s + self._config.follow.lead_s)
         candidate = self._candidate(target, vehicle, now_s)
         acts, self._acts = self._acts, set()
@@ -151,8 +168,27 @@ class FollowControl:
         if setpoint is not None:
             shaping = after_setpoint(self._follow.shaping, setpoint.velocity_ned_mps, setpoint.yaw_rate_rps)
             self._follow = replace(self._follow, shaping=shaping)
+            self._echo.sent(now_s, setpoint.velocity_ned_mps)
         self._previous = setpoint
         return Tick(now_s, inputs, output, target, request, setpoint, reason)
+
+    def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
+        """What this tick tells about ourselves and the link."""
+        last_s, self._last_tick_s = self._last_tick_s, now_s
+        late = last_s is not None and now_s - last_s > self._config.engagement.request_age_s
+        if vehicle.mode is VehicleMode.EXTERNAL:
+            echo = link.echo
+            self._echo.judge(now_s, *((None, (0.0, 0.0, 0.0)) if echo is None else (echo.t_s, echo.velocity_ned_mps)))
+        else:
+            self._echo.reset()
+        self._inputs = replace(
+            self._inputs,
+            late_t_s=now_s if late else self._inputs.late_t_s,
+            echo_lost=self._echo.is_lost,
+            foreign_setpoints=self._echo.is_foreign,
+            lossy=link.lossy,
+            foreign_station=link.foreign_station,
+        )
 
     def _request(
         self, output: Output, target: TargetState | None, vehicle: VehicleState, now_s: float

@@ -1,0 +1,71 @@
+"""Does the vehicle do what we send, and only that: its echo (POSITION_TARGET_LOCAL_NED) against our setpoints.
+
+An echo that stays behind what is sent means that the vehicle no longer hears us, though we hear it; an echo of
+what was never sent means that somebody else steers as well. A vehicle that echoes nothing is not judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+from control.types import Vec3
+
+_RECENT_S: Final = 0.4  # an echo of what was sent in the last so many seconds is up to date
+_LOST_S: Final = 1.0  # without one for so long, the vehicle does not hear us
+_OURS_S: Final = 10.0  # what is older is not ours any more
+_STRANGE_COUNT: Final = 2
+_STRANGE_S: Final = 2.0
+_SETTLE_S: Final = 0.5  # after the mode change the vehicle may still tell of what it did before
+_TOLERANCE_MPS: Final = 0.5
+_TOLERANCE_FRAC: Final = 0.1
+
+
+class EchoMonitor:
+    """Per tick `judge` while the vehicle is in external control, else `reset`; and `sent` for what leaves."""
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[float, Vec3]] = deque()
+        self._strange_s: deque[float] = deque(maxlen=_STRANGE_COUNT)
+        self.reset()
+
+    def reset(self) -> None:
+        """The vehicle is not in external control: its echo says nothing about us."""
+        self._since_s: float | None = None
+        self._echo_t_s = self._matched_s = -math.inf
+        self._sent.clear()
+        self._strange_s.clear()
+        self.is_lost = self.is_foreign = False
+
+    def sent(self, t_s: float, velocity_ned_mps: Vec3) -> None:
+        """A setpoint has left."""
+        if not self._sent:
+            self._matched_s = t_s
+        self._sent.append((t_s, velocity_ned_mps))
+        while self._sent[0][0] < t_s - _OURS_S:
+            self._sent.popleft()
+
+    def judge(self, now_s: float, echo_t_s: float | None, echo_ned_mps: Vec3) -> None:
+        """Set `is_lost` and `is_foreign`, given the newest echo (None: never) and when it arrived."""
+        self._since_s = now_s if self._since_s is None else self._since_s
+        if echo_t_s is not None and echo_t_s > max(self._echo_t_s, self._since_s + _SETTLE_S):
+            self._note(echo_t_s, echo_ned_mps)
+        echoes = now_s - self._echo_t_s <= _LOST_S
+        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _RECENT_S
+        self.is_lost = echoes and streaming and now_s - self._matched_s > _LOST_S
+        enough = len(self._strange_s) == _STRANGE_COUNT
+        self.is_foreign = enough and now_s - self._strange_s[0] <= _STRANGE_S
+
+    def _note(self, t_s: float, echo_ned_mps: Vec3) -> None:
+        self._echo_t_s = t_s
+        alike = [at_s for at_s, sent in self._sent if _alike(sent, echo_ned_mps)]
+        if alike and alike[-1] >= t_s - _RECENT_S:
+            self._matched_s = t_s
+        elif not alike and not _alike((0.0, 0.0, 0.0), echo_ned_mps):
+            self._strange_s.append(t_s)
+
+
+def _alike(sent: Vec3, echo: Vec3) -> bool:
+    """Equal but for what a vehicle may round off or limit."""
+    return math.dist(sent, echo) <= _TOLERANCE_MPS + _TOLERANCE_FRAC * math.hypot(*sent)

@@ -1,0 +1,30 @@
+"""What of the connection concerns following: loss, other stations, the vehicle's echo of our setpoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from gcs.telemetry import SetpointEcho, Telemetry
+from gcs.wire import Wire
+
+_MUCH_LOSS_FRAC: Final = 0.2
+_FOREIGN_S: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class LinkHealth:
+    """lossy: more than a fifth of the telemetry of the last two seconds is missing. echo: the newest."""
+
+    lossy: bool = False
+    foreign_station: bool = False
+    echo: SetpointEcho | None = None
+
+
+def link_health(wire: Wire, telemetry: Telemetry, now_s: float) -> LinkHealth:
+    """As it is now."""
+    return LinkHealth(
+        lossy=wire.loss.loss_frac(now_s) > _MUCH_LOSS_FRAC,
+        foreign_station=any(now_s - t_s < _FOREIGN_S for t_s in telemetry.foreign_stations.values()),
+        echo=telemetry.setpoint_echo,
+    )
