@@ -115,6 +115,7 @@ class DemoOperator:
     async def _confirm(self, deadline_s: float) -> bool:
         while True:
             try:
+                self._world.operator_confirms()
                 self._say(await self._orders.perform(Confirm()))
             except RefusedError:
                 if self._clock.now_s() > deadline_s:

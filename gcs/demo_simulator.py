@@ -37,6 +37,12 @@ class Simulator:
     height_m: float
     camera: CameraConfig
     folder: Path
+    to_judge: asyncio.StreamWriter
+
+    def operator_confirms(self) -> None:
+        """Tell the judge on the wire, past the station, that a person is pressing the button now."""
+        if not self.to_judge.is_closing():
+            self.to_judge.write(b"confirm\n")
 
     def truth_at(self, t_s: float) -> TruthRow | None:
         """The true state at a frame taken lately at t_s."""
@@ -69,12 +75,13 @@ async def simulator(
     with (folder / LOG).open("wb") as log:
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "sitl_mocks", *arguments,
-            stdin=asyncio.subprocess.PIPE,  # never written to: it ends when we do, even by SIGKILL
+            stdin=asyncio.subprocess.PIPE,  # the operator's confirmations; it ends when we do, even by SIGKILL
             stdout=asyncio.subprocess.PIPE, stderr=log,
             start_new_session=True,  # Ctrl-C is for the station: the vehicle must live on to be told to hold
         )  # fmt: skip
     try:
-        yield _ready(await _ready_line(process, folder), folder)
+        assert process.stdin is not None
+        yield _ready(await _ready_line(process, folder), folder, process.stdin)
     finally:
         await _end(process)
 
@@ -91,7 +98,7 @@ async def _ready_line(process: asyncio.subprocess.Process, folder: Path) -> byte
     return line
 
 
-def _ready(line: bytes, folder: Path) -> Simulator:
+def _ready(line: bytes, folder: Path, to_judge: asyncio.StreamWriter) -> Simulator:
     try:
         said = json.loads(line)
         camera = said["camera"]
@@ -101,7 +108,7 @@ def _ready(line: bytes, folder: Path) -> Simulator:
             mount_rpy_deg=(0.0, math.degrees(camera["mount_pitch_rad"]), 0.0),
             glass_delay_s=camera["delay_s"],
         )
-        return Simulator(said["mavlink"], said["video_url"], said["height_m"], lens, folder)
+        return Simulator(said["mavlink"], said["video_url"], said["height_m"], lens, folder, to_judge)
     except (ValueError, KeyError, TypeError) as error:
         raise SimulatorError(f"the simulator's first line is not understood: {error!r}") from None
 

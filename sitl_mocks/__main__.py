@@ -15,6 +15,7 @@ import math
 import os
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--loss", type=_between(0, 1), default=0.0, help="share of MAVLink datagrams lost each way")
     add("--truth", type=Path, metavar="FILE", help="write the truth of each frame as JSONL")
     add("--summary", type=Path, metavar="FILE", help="write the wire monitor's summary at the end")
+    add("--confirmations", action="store_true", help="stdin says `confirm` when the operator does: else U4 counts")
     add("--exit-with-stdin", action="store_true", help="end cleanly when stdin closes, as when the parent is killed")
     return parser
 
@@ -109,6 +111,7 @@ def _config(options: argparse.Namespace) -> SimulatorConfig:
         wind_ned_mps=options.wind,
         loss_frac=options.loss,
         parameters=_parameters(options),
+        confirmations=options.confirmations,
         truth_file=options.truth,
         summary_file=options.summary,
     )
@@ -124,21 +127,31 @@ async def _run(config: SimulatorConfig, *, exit_with_stdin: bool = False) -> Non
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
+    simulator = Simulator(config)
     async with contextlib.AsyncExitStack() as opened:
-        if exit_with_stdin:
-            pipe, _ = await loop.connect_read_pipe(lambda: _UntilEnd(stop), sys.stdin)
+        if exit_with_stdin or config.confirmations:
+            ended = stop.set if exit_with_stdin else None
+            pipe, _ = await loop.connect_read_pipe(lambda: _Stdin(simulator.operator_confirms, ended), sys.stdin)
             opened.callback(pipe.close)
-        await Simulator(config).run(stop, _say)
+        await simulator.run(stop, _say)
 
 
-class _UntilEnd(asyncio.Protocol):
-    """Stops the simulator at the end of a pipe; what comes through it is of no interest."""
+class _Stdin(asyncio.Protocol):
+    """The operator's side channel: a line `confirm` for each confirmation; its end may be told too."""
 
-    def __init__(self, stop: asyncio.Event) -> None:
-        self._stop = stop
+    def __init__(self, confirm: Callable[[], None], ended: Callable[[], None] | None) -> None:
+        self._confirm, self._ended = confirm, ended
+        self._rest = b""
+
+    def data_received(self, data: bytes) -> None:
+        *lines, self._rest = (self._rest[-64:] + data).split(b"\n")
+        for line in lines:
+            if line.strip() == b"confirm":
+                self._confirm()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._stop.set()
+        if self._ended is not None:
+            self._ended()
 
 
 def main(arguments: list[str] | None = None) -> int:

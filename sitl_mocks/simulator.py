@@ -28,7 +28,7 @@ from sitl_mocks.camera import Rendered, RenderedCamera, Sensor, visible_box
 from sitl_mocks.dynamics import Disturbance, Vec3
 from sitl_mocks.lens import Lens
 from sitl_mocks.mjpeg import MjpegServer
-from sitl_mocks.monitor import WireMonitor
+from sitl_mocks.monitor import MonitorLimits, WireMonitor
 from sitl_mocks.scenario import Scenario, ScenarioClock
 from sitl_mocks.vehicle import MockVehicle, Personality, Pose
 from sitl_mocks.vehicle.server import run_udp
@@ -39,7 +39,7 @@ class SimulatorConfig:
     """What the command line sets.
 
     mavlink: where the station listens. loss_frac: of MAVLink, each way. parameters: the vehicle's, by name,
-    in place of the defaults.
+    in place of the defaults. confirmations: `operator_confirms` is called for each, so that flying without counts.
     """
 
     scenario: Scenario
@@ -59,6 +59,7 @@ class SimulatorConfig:
     wind_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     loss_frac: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+    confirmations: bool = False
     truth_file: Path | None = None
     summary_file: Path | None = None
 
@@ -85,7 +86,7 @@ class Simulator:
             seed=config.seed,
         )
         self._vehicle.faults.drop_uplink = self._vehicle.faults.drop_downlink = config.loss_frac
-        self._monitor = WireMonitor()
+        self._monitor = WireMonitor(MonitorLimits(confirmation_needed=config.confirmations))
         self._clock = ScenarioClock(config.move_after_s, config.speed)
         self._camera = RenderedCamera(config.scenario.world, config.lens, config.sensor)
         self._server = MjpegServer(config.video_host, config.video_port)
@@ -120,6 +121,10 @@ class Simulator:
             stopped.cancel()
             await asyncio.gather(flight, stopped, filming, return_exceptions=True)
             await self._server.close()
+
+    def operator_confirms(self) -> None:
+        """The operator confirms now; told by who presses the button, not by the station under test."""
+        self._monitor.operator_confirms(time.monotonic())
 
     def summary(self) -> dict[str, Any]:
         """The wire monitor's figures and the camera's."""

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -235,3 +236,43 @@ def test_an_unknown_sequence_names_those_there_are() -> None:
     with pytest.raises(ValueError, match="car, walk, zigzag"):
         sequences.path("boat")
     assert math.isfinite(sequences.path("car").stat().st_size)
+
+
+@pytest.mark.parametrize("confirmed", [True, False])
+def test_flying_without_the_operators_word_is_counted(tmp_path: Path, confirmed: bool) -> None:
+    summary = tmp_path / "summary.json"
+    packer = mavlink.MAVLink(None, 255, 190)
+    setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 1, 1479, 0, 0, 0, 0.1, 0, 0, 0, 0, 0, 0, 0
+    )
+    offboard = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 129, 6, 0, 0, 0, 0, 0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(10)
+        flags = [
+            "--mavlink",
+            f"127.0.0.1:{station.getsockname()[1]}",
+            "--start-in-air",
+            "--fps",
+            "2",
+            "--confirmations",
+        ]
+        with _simulator(*flags, "--summary", str(summary)) as (process, _):
+            _, vehicle = station.recvfrom(2048)
+            if confirmed:
+                assert process.stdin is not None
+                process.stdin.write("confirm\n")
+                process.stdin.flush()
+                time.sleep(0.3)
+            deadline_s = time.monotonic() + 20
+            while time.monotonic() < deadline_s:
+                station.sendto(bytes(setpoint.pack(packer)), vehicle)
+                station.sendto(bytes(offboard.pack(packer)), vehicle)
+                message = mavlink.MAVLink(None).decode(bytearray(station.recv(2048)))
+                if message.get_type() == "HEARTBEAT" and message.custom_mode == 6 << 16:
+                    break
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+    judged = json.loads(summary.read_text())["monitor"]
+    assert judged["external_entries"] == 1
+    assert judged["by_rule"].get("U4", 0) == (0 if confirmed else 1)
