@@ -34,6 +34,7 @@ from gcs.flight_orders import Orders
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Acknowledge, Confirm, Select
 from gcs.telemetry import Telemetry
+from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import Frame
 from gcs.video.frame import Image
 from tests.gcs.blob_tracker import BlobTracker
@@ -41,11 +42,12 @@ from tests.gcs.flight_rig import box_of
 from tracker.box import Box, TrackResult
 
 _FPS = 20.0
+_TEXTURE = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
 _BOX = Box(320.0, 240.0, 40.0, 40.0)
 
 
 class ImaginedCamera:
-    """Blank live pictures at 20 Hz, each with its number in it."""
+    """Live pictures of nothing at 20 Hz, no two alike in a row."""
 
     name, is_live, fps, size, frame_count, problem, ended = "imagined", True, _FPS, (640, 480), None, None, False
 
@@ -55,7 +57,7 @@ class ImaginedCamera:
     def read(self, timeout_s: float | None = None) -> Frame | None:
         time.sleep(1 / _FPS)
         self._count += 1
-        image = np.full((480, 640, 3), self._count % 251, np.uint8)
+        image = np.roll(_TEXTURE, self._count, axis=1)
         now_s = time.monotonic()
         return Frame(self._count, image, now_s, now_s)
 
@@ -64,16 +66,26 @@ class ImaginedCamera:
 
 
 class ImaginedTracker:
-    """The box of a target that walks to and fro, seen from where telemetry says that the vehicle is."""
+    """The box of a target that walks to and fro, seen from where telemetry says that the vehicle is.
 
-    def __init__(self, telemetry: Telemetry) -> None:
+    network: a tracker that does its work on every frame too, for the load; what it says is not used.
+    """
+
+    def __init__(self, telemetry: Telemetry, network: BoxTracker | None = None) -> None:
         self._telemetry = telemetry
+        self._network = network
         self._begun_s = time.monotonic()
 
     def init(self, frame_bgr: Image, box: Box) -> None:
+        if self._network is not None:
+            self._network.init(frame_bgr, box)
+
+    def look_at(self, cx_px: float, cy_px: float) -> None:
         pass
 
     def update(self, frame_bgr: Image) -> TrackResult:
+        if self._network is not None:
+            self._network.update(frame_bgr)
         state = self._telemetry.vehicle_state()
         seconds = time.monotonic() - self._begun_s
         target = (16.0 + 4.0 * math.sin(seconds / 3), 2.0 * math.sin(seconds / 2), 0.0)
@@ -165,6 +177,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     parser.add_argument("--vehicle", required=True)
     parser.add_argument("--video", help="a real video in place of the imagined one")
+    parser.add_argument("--network", action="store_true", help="the real tracker works on every picture too")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--file-limit", type=int, help="bytes any file may have: more fails as on a full disk")
     return parser.parse_args()
@@ -177,7 +190,8 @@ async def _main(options: argparse.Namespace) -> None:
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
     async with open_link(options.vehicle, config, clock, options.out) as link:
-        tracker = BlobTracker() if options.video else ImaginedTracker(link.telemetry)
+        network = make_tracker(config.tracker) if options.network else None
+        tracker = BlobTracker() if options.video else ImaginedTracker(link.telemetry, network)
         with recorder(options.out, config, source, lambda text: say(said=text)) as watchers:
             flight = make_flight(link, source, tracker, config, clock, lambda text: say(said=text))
             station = Station(flight)
