@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 from collections import deque
 from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError
@@ -16,19 +15,30 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from control.camera import CameraModel
-from control.engagement import Action, State
+from control.engagement import Action
 from control.gate import TICK_S
 from control.types import VehicleMode
+from gcs.announcer import Announcer
 from gcs.audit import Audit
 from gcs.auditor import Auditor
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock
 from gcs.config import Config
-from gcs.flight_control import FollowControl, Tick
+from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_modes import ModeSwitch, Spawn
-from gcs.flight_view import Sighting, Status, Watcher, link_warnings, make_status, predicted_box, status_line
+from gcs.flight_view import (
+    Sighting,
+    Status,
+    Watcher,
+    link_summary,
+    link_warnings,
+    make_status,
+    predicted_box,
+    status_line,
+)
 from gcs.flight_vision import Seen, Vision
+from gcs.link_health import link_health
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
@@ -40,7 +50,6 @@ _LEAVING_ZEROS: Final = 3
 _FPS_FRAMES: Final = 20
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
-_LOUD: Final = 4  # MAV_SEVERITY_WARNING and worse
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +97,7 @@ class Flight:
         self.audit = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
         self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
         self._settled_s = clock.now_s() + _SETTLE_S
-        self._texts_from_s = clock.now_s()
-        self._said: tuple[State, tuple[str, ...]] | None = None
+        self._announcer = Announcer(link.telemetry, say, clock.now_s())
 
     # -- running ------------------------------------------------------------------------------------------
 
@@ -120,6 +128,11 @@ class Flight:
         """End the flight in order: zero, hold, silence."""
         self._stopping.set()
 
+    def abort(self) -> None:
+        """Zero now, not with the next tick, and the request for hold."""
+        self.control.act(Act.ABORT)
+        self.step(self.clock.now_s())
+
     async def _control(self) -> None:
         """The 20 Hz loop. Our heartbeat comes from here, so that it ends when this does."""
         due_s = beat_s = self.clock.now_s()
@@ -136,13 +149,14 @@ class Flight:
     def step(self, now_s: float) -> Tick:
         """One tick: decide, send once, command the modes it asks for."""
         self.control.audit_ok = self.audit.ok
-        tick = self.control.tick(now_s, self.link.telemetry.vehicle_state())
+        wire, telemetry = self.link.wire, self.link.telemetry
+        tick = self.control.tick(now_s, telemetry.vehicle_state(), link_health(wire, telemetry, now_s))
         if tick.setpoint is not None:
             self.link.wire.send_setpoint(tick.setpoint)
         self.tick = tick
         if self._spawn is not None:
             self._modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
-        self._announce(tick)
+        self._announcer.ticked(tick)
         for watcher in self.watchers:
             watcher.ticked(tick)
         waiting, self._ticked = self._ticked, set()
@@ -238,8 +252,10 @@ class Flight:
         confirmation = self.control.confirmation if self.control.is_engaged else None
         vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
         now_s = self.clock.now_s()
-        warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
-        return make_status(now_s, self.tick, vehicle, confirmation, follow, fps, warnings)
+        warnings = link_warnings(self.link.telemetry, now_s) if now_s > self._settled_s else ()
+        return make_status(
+            now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link_summary(self.link.wire, now_s)
+        )
 
     def status_line(self) -> str:
         """The same in one line."""
@@ -248,13 +264,3 @@ class Flight:
     def _audited(self, audit: Audit) -> None:
         for watcher in self.watchers:
             watcher.audited(self.clock.now_s(), audit)
-
-    def _announce(self, tick: Tick) -> None:
-        for text in self.link.telemetry.texts_since(self._texts_from_s, _LOUD):
-            self._texts_from_s = math.nextafter(text.t_s, math.inf)
-            self.say(f"vehicle: {text.text}")
-        state, reasons = tick.output.state, tuple(cause.value for cause in tick.output.reasons)
-        if self._said == (state, reasons):
-            return
-        self._said = (state, reasons)
-        self.say(f"{state.value.upper()}{': ' + '; '.join(reasons) if reasons else ''}")

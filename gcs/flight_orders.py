@@ -63,7 +63,7 @@ class Orders:
                 await flight.next_tick()
                 return "acknowledged"
             case Abort():
-                control.act(Act.ABORT)
+                flight.abort()
                 return "abort: zero, then hold"
             case Hold():
                 return await self._hold()
@@ -156,7 +156,7 @@ class Orders:
         """Before any other mode: zero and hold, so that what comes next is not taken for a pilot's takeover."""
         if not self._flight.control.is_engaged:
             return
-        self._flight.control.act(Act.ABORT)
+        self._flight.abort()
         try:
             async with asyncio.timeout(_RELEASE_S):
                 while self._flight.control.is_engaged or self._mode() is VehicleMode.EXTERNAL:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, Protocol
+from typing import Protocol
 
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, box_of
@@ -23,8 +23,6 @@ from gcs.telemetry import LINK_LOST_S, Telemetry
 from gcs.wire import Wire
 from tracker.box import Box
 
-_MUCH_LOSS_FRAC: Final = 0.2
-_FOREIGN_S: Final = 5.0
 _TONES: Mapping[State, hud.Tone] = MappingProxyType(
     {
         State.NO_VIDEO: hud.Tone.ALARM,
@@ -55,6 +53,7 @@ class Status:
     video_fps: float
     limited_by: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    link: str = ""
 
     @property
     def headline(self) -> str:
@@ -79,6 +78,8 @@ def status_line(status: Status) -> str:
     if status.latency_s is not None:
         parts.append(f"{status.latency_s * 1000:.0f} ms")
     parts.append(f"{status.video_fps:.0f} fps")
+    if status.link:
+        parts.append(status.link)
     if status.limited_by:
         parts.append("limited: " + ", ".join(status.limited_by))
     return " · ".join((*parts, *(f"! {warning}" for warning in status.warnings)))
@@ -118,10 +119,11 @@ def make_status(
     follow: FollowConfig,
     video_fps: float,
     warnings: tuple[str, ...] = (),
+    link: str = "",
 ) -> Status:
     """The status after this tick."""
     if tick is None:
-        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, (), warnings)
+        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, (), warnings, link)
     tracked = tick.inputs.selected and tick.inputs.latency_s is not None
     return Status(
         t_s=now_s,
@@ -136,23 +138,24 @@ def make_status(
         video_fps=video_fps,
         limited_by=tick.request.limited_by if tick.request is not None else (),
         warnings=warnings,
+        link=link,
     )
 
 
-def link_warnings(wire: Wire, telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
-    """What is not well with the connection, though it may still do."""
-    found = []
+def link_summary(wire: Wire, now_s: float) -> str:
+    """What goes over the link each way, and whether it is signed."""
+    figures = wire.figures(now_s)
+    kind = "unsigned link" if wire.signing is None else "signed link"
+    return f"in {figures.received_bytes_per_s / 1000:.1f} out {figures.sent_bytes_per_s / 1000:.1f} kB/s, {kind}"
+
+
+def link_warnings(telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
+    """What is not heard of the vehicle, though flying may still do."""
     heard_s = telemetry.vehicle_state().heartbeat_t_s
     if heard_s is None or now_s - heard_s > LINK_LOST_S:
         return ("nothing is heard of the vehicle",)
     missing = telemetry.missing_streams(now_s)
-    if missing:
-        found.append(f"missing: {', '.join(missing)}")
-    if wire.loss.loss_frac(now_s) > _MUCH_LOSS_FRAC:
-        found.append(f"{wire.loss.loss_frac(now_s):.0%} of the telemetry is lost")
-    if any(now_s - t_s < _FOREIGN_S for t_s in telemetry.foreign_stations.values()):
-        found.append("another ground station is on the link")
-    return tuple(found)
+    return (f"missing: {', '.join(missing)}",) if missing else ()
 
 
 def _distance_m(
