@@ -26,9 +26,11 @@ from gcs.flight_control import Wanted
 from gcs.flight_orders import Orders
 from gcs.flight_record import TLOG, FlightRecorder
 from gcs.flight_view import Watcher
+from gcs.link_meters import LinkFigures
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
 from gcs.selection import parse_box
+from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import VideoSource, open_source
@@ -59,6 +61,8 @@ def main(args: argparse.Namespace) -> int:
         vehicle = replace(vehicle, timeout_s=args.timeout)
     accepted = (*vehicle.accept_parameters, *map(known_name, args.accept))
     vehicle = replace(vehicle, accept_parameters=accepted)
+    if args.signing_key is not None:
+        vehicle = replace(vehicle, signing_key=args.signing_key)
     video = args.video or config.video.url
     if not video:
         raise VideoError("no video: give --video URL, or video.url in the configuration")
@@ -85,8 +89,8 @@ async def _run(options: RunOptions, screen: Screen) -> int:
         tracker = await asyncio.to_thread(make_tracker, config.tracker)
         folder = prepare_folder(options.out) if options.out is not None else None
         async with open_link(options.vehicle, config, clock, folder) as link:
-            screen.say(f"vehicle: {link.telemetry.vehicle}")
-            with recorder(folder, config, source, screen.say) as watchers:
+            screen.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing)}")
+            with recorder(folder, config, source, screen.say, figures=link.wire.figures) as watchers:
                 flight = make_flight(link, source, tracker, config, clock, screen.say, watchers)
                 orders = Orders(flight)
                 operator = TerminalOperator(orders, screen)
@@ -118,7 +122,9 @@ async def open_link(url: str, config: Config, clock: Clock, folder: Path | None)
     if folder is not None and config.recorder.tlog:
         tlog = folder / TLOG
         tlog.unlink(missing_ok=True)
-    wire = await Wire.open(url, clock=clock, tlog=tlog, vehicle_system_id=config.vehicle.system_id)
+    signing = await asyncio.to_thread(open_signing, config.vehicle.signing_key, clock)
+    system_id = config.vehicle.system_id
+    wire = await Wire.open(url, clock=clock, tlog=tlog, vehicle_system_id=system_id, signing=signing)
     try:
         telemetry = Telemetry(wire, clock)
         vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)
@@ -146,12 +152,13 @@ def recorder(
     source: VideoSource,
     say: Callable[[str], None],
     watermark: str | None = None,
+    figures: Callable[[float], LinkFigures] | None = None,
 ) -> Iterator[tuple[Watcher, ...]]:
     """The flight's record as a watcher; nothing without a folder."""
     if folder is None:
         yield ()
         return
-    record = FlightRecorder(folder, config.recorder, source.size, source.fps, watermark)
+    record = FlightRecorder(folder, config.recorder, source.size, source.fps, watermark, figures)
     try:
         yield (record,)
     finally:

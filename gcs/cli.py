@@ -14,6 +14,7 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn, TypeAlias
 
+from gcs import cli_keys
 from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, GcsError, one_line
 
 # The libraries raise ValueErrors of their own for bad input; a plain ValueError is a fault of ours.
@@ -83,6 +84,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_weights(commands, common)
     _add_bench(commands, common)
     _add_config(commands, common)
+    cli_keys.add_parser(commands, common)
     return parser
 
 
@@ -100,6 +102,7 @@ def _add_run(commands: Commands, common: Parser) -> None:
     p.add_argument("--autopilot", choices=("auto", "px4", "ardupilot"), help="default: what its heartbeat says")
     p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
     p.add_argument("--out", metavar="DIR", help="where the recording goes")
+    p.add_argument("--signing-key", metavar="FILE", help="sign the link, and believe nothing unsigned (see `gcs keys`)")
     _add_accept(p)
 
 
@@ -115,6 +118,7 @@ def _add_audit(commands: Commands, common: Parser) -> None:
     p.add_argument("--vehicle", metavar="URL", help="as for `gcs run`")
     p.add_argument("--config", metavar="FILE", help="configuration (YAML)")
     p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
+    p.add_argument("--signing-key", metavar="FILE", help="as for `gcs run`")
     p.add_argument("--json", action="store_true", help="one JSON line")
     _add_accept(p)
 

@@ -17,6 +17,7 @@ from gcs.autopilot.parameters import read_parameters
 from gcs.clock import MonotonicClock
 from gcs.config import Config, load
 from gcs.errors import GcsError
+from gcs.signing import open_signing
 from gcs.wire import Wire
 
 _UNSAFE: Final = 1
@@ -31,6 +32,8 @@ def main(args: argparse.Namespace) -> int:
         if not (math.isfinite(args.timeout) and args.timeout > 0):
             raise GcsError(f"--timeout {args.timeout:g}: must be more than 0")
         vehicle = replace(vehicle, timeout_s=args.timeout)
+    if args.signing_key is not None:
+        vehicle = replace(vehicle, signing_key=args.signing_key)
     accepted = {*vehicle.accept_parameters, *map(known_name, args.accept)}
     audit = asyncio.run(_audit(args.vehicle or vehicle.url, replace(config, vehicle=vehicle), accepted))
     print(_json(audit) if args.json else table(audit))
@@ -43,7 +46,8 @@ def _say(text: str) -> None:
 
 async def _audit(url: str, config: Config, accepted: Collection[str]) -> Audit:
     clock = MonotonicClock()
-    wire = await Wire.open(url, clock=clock, vehicle_system_id=config.vehicle.system_id)
+    signing = await asyncio.to_thread(open_signing, config.vehicle.signing_key, clock)
+    wire = await Wire.open(url, clock=clock, vehicle_system_id=config.vehicle.system_id, signing=signing)
     try:
         _say(f"waiting for a vehicle at {wire.url}")
         vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)

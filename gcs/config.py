@@ -149,7 +149,8 @@ class VehicleConfig:
     """The link: URL as udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/NAME:BAUD.
 
     system_id: null takes the first autopilot heard. timeout_s: how long to wait for it. accept_parameters: names
-    that the audit calls unsafe and you take as they are, as [COM_RC_OVERRIDE].
+    that the audit calls unsafe and you take as they are, as [COM_RC_OVERRIDE]. signing_key: the file of the key
+    (see `gcs keys`), never the key itself; null leaves the link unsigned.
     """
 
     url: str = "udpin://0.0.0.0:14540"
@@ -158,6 +159,7 @@ class VehicleConfig:
     takeoff_height_m: float = _ranged(2.0, 10.0, 100.0)
     timeout_s: float = _ranged(1.0, 15.0, 300.0)
     accept_parameters: tuple[str, ...] = ()
+    signing_key: str | None = None
 
     def __post_init__(self) -> None:
         for name in self.accept_parameters:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,10 +13,12 @@ from gcs.config import RecorderConfig
 from gcs.flight_control import Tick
 from gcs.flight_video import FlightVideo
 from gcs.flight_view import Sighting, overlay
+from gcs.link_meters import LinkFigures
 from gcs.messages import MessageLog
 from tracker.box import TrackResult
 
 _FPS: Final = 20.0
+_FIGURES_S: Final = 1.0
 MESSAGES, VIDEO, TLOG = "messages.jsonl", "flight.mp4", "flight.tlog"
 
 
@@ -43,8 +46,14 @@ class FlightRecorder:
         size: tuple[int, int],
         fps: float | None,
         watermark: str | None = None,
+        figures: Callable[[float], LinkFigures] | None = None,
     ) -> None:
-        """folder must exist; size (width, height) in px and fps are those of the video source."""
+        """folder must exist; size (width, height) in px and fps are those of the video source.
+
+        figures: asked once a second for the link's.
+        """
+        self._figures = figures
+        self._figures_due_s = 0.0
         self._watermark = watermark
         limit = int(config.size_limit_mb * 1e6)
         self._messages = MessageLog(folder / MESSAGES, size_limit_bytes=limit) if config.messages else None
@@ -67,6 +76,9 @@ class FlightRecorder:
         """Log the decision."""
         if self._messages is not None:
             self._messages.write(tick.t_s, tick)
+        if self._messages is not None and self._figures is not None and tick.t_s >= self._figures_due_s:
+            self._figures_due_s = tick.t_s + _FIGURES_S
+            self._messages.write(tick.t_s, self._figures(tick.t_s))
 
     def audited(self, t_s: float, audit: Audit) -> None:
         """Log the vehicle's parameters."""

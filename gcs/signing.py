@@ -88,10 +88,7 @@ class Signing:
         signed += dialect.x25crc(signed[1:] + bytes([known.crc_extra])).crc.to_bytes(2, "little")
         signed.append(self._link_id)
         signed += self._times.take().to_bytes(6, "little")
-        return bytes(signed + self._digest(signed))
-
-    def _digest(self, signed: bytes | bytearray) -> bytes:
-        return hashlib.sha256(self._key.secret + signed).digest()[:6]
+        return bytes(signed + _digest(self._key, signed))
 
     def accepts(self, frame: bytes | bytearray) -> bool:
         """Whether a received frame with a right checksum may be believed; counts, and warns of what may not."""
@@ -105,7 +102,7 @@ class Signing:
         if frame[0] != MARKER_V2 or not frame[2] & SIGNED:
             return Verdict.ALLOWED if message_id(frame) in UNSIGNED_ALLOWED else Verdict.UNSIGNED
         # Before anything of it is believed or remembered.
-        if not hmac.compare_digest(self._digest(frame[:-6]), bytes(frame[-6:])):
+        if not is_signed_with(frame, self._key):
             return Verdict.FORGED
         stream = (frame[-13], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
@@ -138,3 +135,23 @@ class Signing:
     def close(self) -> None:
         """Keep the last time used (blocks on the disk)."""
         self._times.close()
+
+
+def is_signed_with(frame: bytes | bytearray, key: SigningKey) -> bool:
+    """The signature of this whole frame is there and right; says nothing of its age."""
+    signed = frame[0] == MARKER_V2 and bool(frame[2] & SIGNED)
+    return signed and hmac.compare_digest(_digest(key, frame[:-6]), bytes(frame[-6:]))
+
+
+def _digest(key: SigningKey, signed: bytes | bytearray) -> bytes:
+    return hashlib.sha256(key.secret + signed).digest()[:6]
+
+
+def open_signing(key_file: str | None, clock: Clock) -> Signing | None:
+    """The signing with the key of this file, if any is named (blocks on the disk); GcsError if it is unusable."""
+    return None if key_file is None else Signing.open(Path(key_file).expanduser(), clock)
+
+
+def security(signing: Signing | None) -> str:
+    """For people: whether senders are known."""
+    return "unsigned link" if signing is None else f"signed link, key {signing.fingerprint}"
