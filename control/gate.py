@@ -15,7 +15,8 @@ import math
 from dataclasses import InitVar, dataclass
 from typing import Final
 
-from control.gate_limits import TICK_S, Limits, finite, fresh, stoppable_mps, vector
+from control.checks import finite, fresh, vector
+from control.gate_limits import TICK_S, Bound, Limits, bounds, kept, outside, stoppable_mps
 from control.types import Reason, Vec3, VehicleMode, VehicleState, VelocityRequest
 
 __all__ = ["TICK_S", "Limits", "Reason", "Setpoint", "gate"]
@@ -59,12 +60,13 @@ def _shape(
     request: VelocityRequest, vehicle: VehicleState, now_s: float, previous: Setpoint | None, limits: Limits
 ) -> tuple[Motion, Reason]:
     """Clip, then slew. Both ends of the slew are clipped, so in one convex set: so is all between them."""
-    wanted, reason = _clip((*request.velocity_ned_mps, request.yaw_rate_rps), vehicle, limits)
+    near = bounds(vehicle.position_ned_m, limits)
+    wanted, reason = _clip((*request.velocity_ned_mps, request.yaw_rate_rps), vehicle, near, limits)
     if wanted == _REST:
         return _REST, reason
-    last = (*previous.velocity_ned_mps, previous.yaw_rate_rps) if isinstance(previous, Setpoint) else _REST
-    dt_s = min(max(now_s - previous.t_s, 0.0), 2 * TICK_S) if isinstance(previous, Setpoint) else TICK_S
-    start, _ = _clip(last, vehicle, limits)
+    last = (*previous.velocity_ned_mps, previous.yaw_rate_rps) if type(previous) is Setpoint else _REST
+    dt_s = min(max(now_s - previous.t_s, 0.0), 2 * TICK_S) if type(previous) is Setpoint else TICK_S
+    start, _ = _clip(last, vehicle, near, limits)
     left_mps = limits.max_acceleration_mps2 * dt_s - math.dist(start[:3], last[:3])
     left_rps = limits.max_yaw_acceleration_rps2 * dt_s - abs(start[3] - last[3])
     if left_mps < 0 or left_rps < 0:
@@ -76,9 +78,9 @@ def _shape(
 
 
 def _why_silent(request: object, vehicle: object, now_s: object, limits: object) -> Reason | None:
-    if not (isinstance(vehicle, VehicleState) and isinstance(limits, Limits) and finite(now_s)):
+    if not (type(vehicle) is VehicleState and type(limits) is Limits and finite(now_s)):
         return Reason.BAD_CALL
-    if not isinstance(request, VelocityRequest):
+    if type(request) is not VelocityRequest:
         return Reason.NO_REQUEST
     if not all(fresh(t, now_s, limits.heartbeat_age_s) for t in (vehicle.heartbeat_t_s, vehicle.mode_t_s)):
         return Reason.HEARTBEAT_STALE
@@ -104,12 +106,14 @@ def _why_zero(
         return Reason.TELEMETRY_STALE
     if not (vector(vehicle.position_ned_m) and finite(vehicle.height_m)):
         return Reason.TELEMETRY_STALE
-    if isinstance(previous, Setpoint) and not fresh(previous.t_s, now_s, limits.request_age_s):
+    if outside(vehicle.position_ned_m, vehicle.height_m, limits):
+        return Reason.AT_FENCE
+    if type(previous) is Setpoint and not fresh(previous.t_s, now_s, limits.request_age_s):
         return Reason.GAP
     return None
 
 
-def _clip(motion: Motion, vehicle: VehicleState, limits: Limits) -> tuple[Motion, Reason]:
+def _clip(motion: Motion, vehicle: VehicleState, near: list[Bound], limits: Limits) -> tuple[Motion, Reason]:
     """Into the speed, height and fence limits, each a convex set with zero in it; the last trim is named."""
     north, east, down, yaw = motion
     scale = min(1.0, limits.max_speed_mps / max(math.hypot(north, east), 1e-9))
@@ -117,15 +121,9 @@ def _clip(motion: Motion, vehicle: VehicleState, limits: Limits) -> tuple[Motion
     down = min(max(down, -limits.max_climb_mps), limits.max_descent_mps)
     yaw = min(max(yaw, -limits.max_yaw_rate_rps), limits.max_yaw_rate_rps)
     reason = Reason.PASSED if (north, east, down, yaw) == motion else Reason.SPEED
-    sink_mps = stoppable_mps(vehicle.height_m - limits.min_height_m, limits)
-    rise_mps = stoppable_mps(limits.max_height_m - vehicle.height_m, limits)
+    sink_mps = stoppable_mps(vehicle.height_m - limits.fence.min_height_m, limits)
+    rise_mps = stoppable_mps(limits.fence.max_height_m - vehicle.height_m, limits)
     if not -rise_mps <= down <= sink_mps:
         down, reason = min(max(down, -rise_mps), sink_mps), Reason.ALTITUDE
-    out_n = vehicle.position_ned_m[0] - limits.fence_north_m
-    out_e = vehicle.position_ned_m[1] - limits.fence_east_m
-    radius_m = max(math.hypot(out_n, out_e), 1e-9)
-    out_n, out_e = out_n / radius_m, out_e / radius_m
-    excess_mps = north * out_n + east * out_e - stoppable_mps(limits.fence_radius_m - radius_m, limits)
-    if excess_mps > 0:
-        north, east, reason = north - excess_mps * out_n, east - excess_mps * out_e, Reason.FENCE
-    return (north, east, down, yaw), reason
+    inside = kept(north, east, near)
+    return (*inside, down, yaw), reason if inside == (north, east) else Reason.FENCE

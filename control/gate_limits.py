@@ -1,25 +1,28 @@
-"""The ceilings no configuration can lift, and the checks the gate is made of. Standard library only."""
+"""The ceilings no configuration can lift, and what they leave of a velocity. Standard library only."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import Final, TypeGuard
+from dataclasses import dataclass, field
+from typing import Final
+
+from control.checks import check_ranges, finite, fresh, ranged, vector
+from control.fence import Fence, walls
+from control.types import Vec3
+
+__all__ = ["TICK_S", "Bound", "Limits", "bounds", "finite", "fresh", "kept", "outside", "stoppable_mps", "vector"]
 
 TICK_S: Final = 0.05
-_AHEAD_S: Final = 0.05  # a stamp may be this much newer than now: another thread made it during this tick
+_HEIGHT_SLACK_M: Final = 1.0  # so far past floor or ceiling is a nudge, to be flown back; further is outside
 
-
-def ranged(low: float, default: float, high: float) -> float:
-    """A field with its ceilings: what configuration may choose from, fixed here."""
-    return field(default=default, metadata={"low": low, "high": high})
+Bound = tuple[float, float, float]  # unit vector (north, east) and how fast (m/s) one may fly that way, 0 or more
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What may leave the gate: defaults, and in each field the range that configuration may choose from.
 
-    Heights are above home, the fence is a circle in NED metres. ValueError names field, range and value.
+    ValueError names field, range and value.
     """
 
     max_speed_mps: float = ranged(0.1, 8.0, 12.0)
@@ -28,42 +31,48 @@ class Limits:
     max_yaw_rate_rps: float = ranged(0.0, math.radians(75), math.radians(90))
     max_acceleration_mps2: float = ranged(0.5, 4.0, 5.0)
     max_yaw_acceleration_rps2: float = ranged(0.1, math.radians(150), math.radians(180))
-    min_height_m: float = ranged(1.5, 3.0, 120.0)
-    max_height_m: float = ranged(1.5, 60.0, 120.0)
-    fence_north_m: float = ranged(-10_000.0, 0.0, 10_000.0)
-    fence_east_m: float = ranged(-10_000.0, 0.0, 10_000.0)
-    fence_radius_m: float = ranged(1.0, 150.0, 500.0)
     response_s: float = ranged(0.5, 0.9, 3.0)  # link and vehicle, for the stopping distance
     braking_mps2: float = ranged(0.2, 2.0, 2.5)
     request_age_s: float = ranged(0.05, 0.2, 0.2)
     telemetry_age_s: float = ranged(0.1, 0.5, 0.5)
     heartbeat_age_s: float = ranged(1.1, 3.0, 3.0)
+    fence: Fence = field(default_factory=Fence)
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value, low, high = getattr(self, f.name), f.metadata["low"], f.metadata["high"]
-            if not finite(value) or not low <= value <= high:
-                raise ValueError(f"{f.name} must be from {low:g} to {high:g}, not {value!r}")
-        if self.min_height_m >= self.max_height_m:
-            raise ValueError(f"min_height_m {self.min_height_m:g} must be below max_height_m")
+        check_ranges(self)
+        if type(self.fence) is not Fence:
+            raise ValueError(f"fence must be a Fence, not {self.fence!r}")
+
+
+def outside(position_ned_m: Vec3, height_m: float, limits: Limits) -> bool:
+    """Whether the vehicle is nearer to a side of the fence than its margin, or beyond it: stop and hold."""
+    fence = limits.fence
+    if not fence.min_height_m - _HEIGHT_SLACK_M <= height_m <= fence.max_height_m + _HEIGHT_SLACK_M:
+        return True
+    return min(distance_m for _, _, distance_m in walls(fence, *position_ned_m[:2])) < fence.margin_m
+
+
+def bounds(position_ned_m: Vec3, limits: Limits) -> list[Bound]:
+    """How fast one may fly towards each wall of the fence that is within reach."""
+    near = [(n, e, stoppable_mps(m, limits)) for n, e, m in walls(limits.fence, *position_ned_m[:2])]
+    return [bound for bound in near if bound[2] < limits.max_speed_mps]
+
+
+def kept(north_mps: float, east_mps: float, near: list[Bound]) -> tuple[float, float]:
+    """The velocity without what runs at a wall too fast: a convex set of velocities, with zero in it."""
+    for n, e, most_mps in near:
+        excess_mps = max(n * north_mps + e * east_mps - most_mps, 0.0)
+        north_mps, east_mps = north_mps - excess_mps * n, east_mps - excess_mps * e
+    # What was taken away at one wall may push at another: then slower, until no wall is run at.
+    scale = 1.0
+    for n, e, most_mps in near:
+        towards_mps = n * north_mps + e * east_mps
+        if towards_mps > most_mps:
+            scale = min(scale, most_mps / towards_mps)
+    return north_mps * scale, east_mps * scale
 
 
 def stoppable_mps(margin_m: float, limits: Limits) -> float:
     """The speed v whose stopping distance v * response + v² / (2 * braking) is the margin; 0 beyond it."""
     a, t = limits.braking_mps2, limits.response_s
     return a * (math.sqrt(t * t + 2 * max(margin_m, 0.0) / a) - t)
-
-
-def fresh(t_s: object, now_s: object, age_s: float) -> bool:
-    """Whether the stamp is a number, no older than age_s and not from the future."""
-    return finite(t_s) and finite(now_s) and -_AHEAD_S <= now_s - t_s <= age_s
-
-
-def vector(value: object) -> bool:
-    """Whether it is a tuple of three finite numbers."""
-    return isinstance(value, tuple) and len(value) == 3 and all(map(finite, value))
-
-
-def finite(value: object) -> TypeGuard[float]:
-    """A plain number that arithmetic cannot overflow; NaN, inf, bool, text and None are not."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9

@@ -113,6 +113,7 @@ class Reason(Enum):
     REQUEST_STALE = "zero: request too old"
     REQUEST_INVALID = "zero: request not finite"
     TELEMETRY_STALE = "zero: attitude or position too old or not finite"
+    AT_FENCE = "zero: at or outside the fence"
     GAP = "zero: our own stream had a gap"
     LIMIT_JUMPED = "zero: a limit moved faster than may be followed"
     NO_REQUEST = "silent: nothing requested"

@@ -116,7 +116,7 @@ async def _fly(
     try:
         async with open_link(world.vehicle_url, config, clock, world.folder) as link:
             screen.say(f"vehicle: {link.telemetry.vehicle}")
-            with recorder(world.folder, config, source, screen.say, "SIM") as watchers:
+            with recorder(world.folder, config, source, screen.say, "SIM", link.wire.figures) as watchers:
                 flight = make_flight(link, source, tracker, config, clock, screen.say)
                 operator = DemoOperator(flight, world, clock, screen.say, options.seconds, options.seed or 0)
                 flight.watchers = (*watchers, operator)
@@ -147,7 +147,8 @@ async def _show(flight: Flight, screen: Screen) -> None:
 def demo_config(world: Simulator) -> Config:
     """The defaults, with the simulator's lens, and a fence as wide as its roads are long."""
     config = Config()
-    limits = replace(config.control.limits, fence_radius_m=FENCE_M)
+    fence = replace(config.control.limits.fence, radius_m=FENCE_M)
+    limits = replace(config.control.limits, fence=fence)
     return replace(
         config,
         camera=world.camera,

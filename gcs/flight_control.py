@@ -6,7 +6,6 @@ reads a clock, so a flight can be flown again from its log.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import assert_never
@@ -19,6 +18,7 @@ from control.engagement import Action, Engagement, Inputs, Output, State
 from control.estimator import TargetEstimator
 from control.follow import FollowState, follow_request
 from control.gate import TICK_S, Setpoint, gate
+from control.gate_limits import outside
 from control.limits import after_setpoint, priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.preflight import refusals
@@ -65,6 +65,8 @@ class FollowControl:
 
     def __init__(self, config: ControlConfig, camera: CameraModel, attitude: AttitudeBuffer) -> None:
         self._config = config
+        self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
+        self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
         self._camera = camera
         self._attitude = attitude
         self._estimator = TargetEstimator(config.estimator)
@@ -88,6 +90,17 @@ class FollowControl:
     def is_engaged(self) -> bool:
         """The vehicle is ours to move, or about to be."""
         return self._engaged
+
+    def home_at(self, latitude_deg: float, longitude_deg: float) -> None:
+        """The vehicle says where its home is: a fence given in degrees gets its place around it."""
+        if not self._drawn.polygon_deg or self._home_deg == (latitude_deg, longitude_deg):
+            return
+        self._home_deg = latitude_deg, longitude_deg
+        try:
+            fence, self.fence_problem = self._drawn.placed(latitude_deg, longitude_deg), ""
+        except ValueError as error:
+            fence, self.fence_problem = self._drawn, str(error)
+        self._config = replace(self._config, limits=replace(self._config.limits, fence=fence))
 
     def act(self, act: Act) -> None:
         """The operator's act, judged in the next tick."""
@@ -245,6 +258,8 @@ class FollowControl:
             audit_ok=self.audit_ok,
         )
         causes = [cause.value for cause in refusals(inputs, now_s, self._config.engagement)]
+        if self._config.limits.fence.polygon_deg:
+            causes.append(self.fence_problem)
         return (*causes, *([self.confirm_problem] if target is not None and not known else []))
 
     def predict(self, t_s: float) -> TargetState | None:
@@ -266,5 +281,4 @@ class FollowControl:
             return None
 
     def _is_outside(self, vehicle: VehicleState) -> bool:
-        limits, (north_m, east_m, _) = self._config.limits, vehicle.position_ned_m
-        return math.hypot(north_m - limits.fence_north_m, east_m - limits.fence_east_m) >= limits.fence_radius_m
+        return outside(vehicle.position_ned_m, vehicle.height_m, self._config.limits)

@@ -16,6 +16,7 @@ from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, bearing_measurement
 from control.config import ControlConfig
 from control.estimator import TargetEstimator
+from control.fence import Fence
 from control.follow import FollowState, follow_request
 from control.gate import Limits, Reason, Setpoint, gate
 from control.limits import zero_request
@@ -90,7 +91,7 @@ class Setup:
     hfov_rad: float = math.radians(75)
     size_m: tuple[float, float] = (0.6, 1.8)
     mount_pitch_rad: float = math.radians(-15)
-    config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence_radius_m=500)))
+    config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence=Fence(radius_m=500))))
 
 
 @dataclass

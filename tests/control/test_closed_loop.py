@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from control.config import ControlConfig, EstimatorConfig
+from control.fence import Fence
 from control.gate import Limits
 from control.modes import FollowMode
 
@@ -93,7 +94,7 @@ def test_these_figures_can_fail():
     """A filter that believes nothing new loses the same target."""
     dull = ControlConfig(
         estimator=EstimatorConfig(bearing_acceleration_rps2=0.01, bearing_std_rad=0.2),
-        limits=Limits(fence_radius_m=500.0),
+        limits=Limits(fence=Fence(radius_m=500.0)),
     )
     result = fly(sine, replace(SPOTLIGHT, config=dull))
     assert result.bearing_rms_deg > 8.0

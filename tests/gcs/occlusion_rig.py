@@ -18,6 +18,7 @@ from control.attitude import AttitudeBuffer
 from control.camera import CameraModel
 from control.config import ControlConfig
 from control.engagement import State
+from control.fence import Fence
 from control.gate import Limits
 from control.types import TargetState, VehicleMode, VehicleState
 from gcs.flight_control import Act, FollowControl, Wanted
@@ -97,7 +98,7 @@ class Flight:
     standoff_m: float | None = None
     circle_from_s: float = math.inf  # from then on it drives a circle to the right
     radius_m: float = 16.0
-    config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence_radius_m=500.0)))
+    config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence=Fence(radius_m=500.0))))
 
 
 @dataclass(frozen=True)

@@ -55,14 +55,17 @@ control:
   follow:
     max_speed_mps: 4
   limits:
-    fence_radius_m: 50
+    fence:
+      radius_m: 50
+      polygon_deg: [[47.0, 8.0], [47.001, 8], [47.0, 8.001]]
 recorder:
 """
     config = load(written(tmp_path, text))
     assert config.tracker.latent is Latent.OFF
     assert config.follow.mode is FollowChoice.SPOTLIGHT
     assert config.control.follow.max_speed_mps == 4
-    assert config.control.limits.fence_radius_m == 50
+    assert config.control.limits.fence.radius_m == 50
+    assert config.control.limits.fence.polygon_deg[1] == (47.001, 8.0)
     camera = config.camera.model(1280, 720)
     assert camera.fx_px == pytest.approx(640 / math.tan(math.radians(30)))
     assert camera.mount_rpy_rad == pytest.approx((0, math.radians(-20), 0))
@@ -89,7 +92,10 @@ recorder:
             "c.yaml:3: control.limits.max_speed_mps: must be from 0.1 to 12",
         ),
         ("control:\n  engagement:\n    max_rejections: 99\n", "c.yaml:3: control.engagement.max_rejections: must be"),
-        ("control:\n  limits:\n    min_height_m: 70\n", "c.yaml:3: control.limits: min_height_m 70 must be below"),
+        (
+            "control:\n  limits:\n    fence:\n      min_height_m: 70\n",
+            "c.yaml:4: control.limits.fence: min_height_m 70 must be",
+        ),
         ("control:\n  follow:\n    max_speed_mps: 9\n", "control: follow.max_speed_mps 9 is above the gate's limit"),
         ("camera:\n  fx_px: 900\n", "c.yaml:2: camera: fx_px needs width_px"),
         ("a: [1,\n", "not valid YAML"),

@@ -12,6 +12,7 @@ import pytest
 
 from control.config import ControlConfig, EstimatorConfig, FollowConfig
 from control.engagement import State
+from control.fence import Fence
 from control.gate import Limits
 from tests.gcs.occlusion_rig import Cover, Flight, Outcome, Side, fly
 
@@ -73,7 +74,7 @@ def test_these_figures_can_fail() -> None:
     believing = ControlConfig(
         estimator=EstimatorConfig(covered_factor=0.0),
         follow=FollowConfig(size_tolerance=2.0, size_rate_tolerance_ps=2.0, target_acceleration_mps2=20.0),
-        limits=Limits(fence_radius_m=500.0),
+        limits=Limits(fence=Fence(radius_m=500.0)),
     )
     cover = Cover(Side.LEFT, from_s=12.0, gone_s=5.0, depth=0.5)
     fooled = fly(Flight(speed_mps=0.0, cover=cover, duration_s=26.0, config=believing))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 from pymavlink.dialects.v20 import development as mav
 
+from control.fence import Fence
 from control.gate import Limits, Reason, gate
 from control.types import Vec3, VehicleMode, VelocityRequest
 from gcs.autopilot.actions import VehicleActions
@@ -64,7 +65,7 @@ class Session:
             now_s, state = CLOCK.now_s(), self.telemetry.vehicle_state()
             priming = state.mode is not VehicleMode.EXTERNAL
             request = VelocityRequest(now_s, self.velocity, 0.0, priming=priming)
-            limits = Limits(min_height_m=1.5)
+            limits = Limits(fence=Fence(min_height_m=1.5))
             previous, reason = gate(request, state, now_s, previous, limits)
             self.reasons.add(reason)
             if previous is not None:

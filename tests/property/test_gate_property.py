@@ -7,6 +7,7 @@ import random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from control.fence import Fence
 from control.gate import Limits, Setpoint, gate
 from control.types import VehicleMode, VehicleState, VelocityRequest
 
@@ -75,7 +76,7 @@ def test_any_input_gives_nothing_or_something_safe(calls):
 @settings(max_examples=EXAMPLES, deadline=None)
 @given(st.lists(st.tuples(*[st.floats(-30, 30)] * 6, st.floats(0.0, 0.15)), min_size=2, max_size=30))
 def test_a_plausible_flight_never_steps_further_than_the_limits(ticks):
-    limits, previous, now = Limits(fence_radius_m=25.0), None, 100.0
+    limits, previous, now = Limits(fence=Fence(radius_m=25.0)), None, 100.0
     for vn, ve, vd, yaw, north, height, dt in ticks:
         now += dt
         request = VelocityRequest(now, (vn, ve, vd), yaw)

@@ -1,0 +1,128 @@
+"""The gate near the fence: what runs at it too fast is taken away, and at it everything stops."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from control.fence import Fence
+from control.gate import Limits, Reason, gate
+from control.gate_limits import bounds, kept, outside, stoppable_mps
+from tests.control.gate_rig import HEALTHY, LIMITS, NOW, replace_time, request, settle
+
+SQUARE = Limits(fence=Fence(polygon_m=((-50.0, -50.0), (-50.0, 50.0), (50.0, 50.0), (50.0, -50.0))))
+SIDE_M = 150.0 * math.cos(math.pi / 64)  # of the polygon within the default circle
+
+
+def at(north_m, east_m=0.0, height_m=20.0):
+    return replace(HEALTHY, position_ned_m=(north_m, east_m, -height_m), height_m=height_m)
+
+
+def test_towards_a_side_the_speed_is_what_can_be_stopped():
+    setpoint, reason = settle((8.0, 0.0, 0.0), vehicle=at(SIDE_M - 6.0))
+    v = setpoint.velocity_ned_mps[0]
+    assert v * LIMITS.response_s + v**2 / (2 * LIMITS.braking_mps2) == pytest.approx(6.0)
+    assert reason is Reason.FENCE
+
+
+def test_away_from_a_side_and_along_it_nothing_is_trimmed():
+    near = at(48.0)
+    for velocity in ((0.0, 7.0, 0.0), (0.0, -7.0, 0.0), (-7.0, 0.0, 0.0), (-5.0, 5.0, 0.0)):
+        assert settle(velocity, vehicle=near, limits=SQUARE)[1] is Reason.PASSED
+
+
+def test_only_the_part_towards_a_side_is_taken_away():
+    setpoint, reason = settle((4.0, 3.0, 0.5), vehicle=at(48.0), limits=SQUARE)
+    assert setpoint.velocity_ned_mps == pytest.approx((stoppable_mps(2.0, SQUARE), 3.0, 0.5))
+    assert reason is Reason.FENCE
+
+
+def test_in_a_corner_both_sides_count():
+    setpoint, _ = settle((4.0, 4.0, 0.0), vehicle=at(48.0, 47.0), limits=SQUARE)
+    assert setpoint.velocity_ned_mps == pytest.approx((stoppable_mps(2.0, SQUARE), stoppable_mps(3.0, SQUARE), 0.0))
+
+
+@pytest.mark.parametrize("angle_deg", range(0, 360, 5))
+def test_whatever_is_asked_no_wall_is_run_at(angle_deg):
+    """A needle's point: taking away at one side pushes at the other."""
+    near = [(math.cos(math.radians(a)), math.sin(math.radians(a)), 0.5) for a in (0, 20, 110, 340)]
+    asked = 8 * math.cos(math.radians(angle_deg)), 8 * math.sin(math.radians(angle_deg))
+    north, east = kept(*asked, near)
+    assert all(n * north + e * east <= most + 1e-9 for n, e, most in near)
+    assert math.hypot(north, east) <= 8.0 + 1e-9
+    assert kept(north, east, near) == pytest.approx((north, east))  # what is within bounds stays as it is
+
+
+def test_without_walls_nothing_changes():
+    assert kept(3.0, -4.0, []) == (3.0, -4.0)
+    assert kept(0.5, 0.0, [(1.0, 0.0, 0.5)]) == (0.5, 0.0)
+
+
+def test_walls_out_of_reach_do_not_count():
+    assert bounds((0.0, 0.0, 0.0), LIMITS) == []
+    near = bounds((SIDE_M - 6.0, 0.0, 0.0), LIMITS)
+    assert 0 < len(near) < 32
+    assert all(most < LIMITS.max_speed_mps for _, _, most in near)
+    assert (1.0, 0.0) in [(n, e) for n, e, _ in near]
+
+
+@pytest.mark.parametrize("past_m", [-0.99, 0.0, 0.1, 50.0])
+def test_nearer_than_the_margin_everything_stops_even_inwards(past_m):
+    flying, _ = settle((-5.0, 0.0, 0.0))
+    for velocity in ((-5.0, 0.0, 0.0), (0.0, 0.0, -1.0)):
+        setpoint, reason = gate(request(velocity, 0.3), at(SIDE_M + past_m), NOW, replace_time(flying), LIMITS)
+        assert (setpoint.velocity_ned_mps, setpoint.yaw_rate_rps) == ((0.0, 0.0, 0.0), 0.0)
+        assert reason is Reason.AT_FENCE
+
+
+def test_the_margin_is_a_setting_and_no_more_than_that():
+    wide = Limits(fence=Fence(margin_m=5.0))
+    for limits in (LIMITS, wide):
+        edge_m = SIDE_M - limits.fence.margin_m
+        assert not outside((edge_m - 0.01, 0.0, 0.0), 20.0, limits)
+        assert outside((edge_m + 0.01, 0.0, 0.0), 20.0, limits)
+        assert outside((0.0, -edge_m - 0.5, 0.0), 20.0, limits)
+    assert not outside((47.0, 0.0, 0.0), 20.0, replace(SQUARE, fence=replace(SQUARE.fence, margin_m=3.0)))
+
+
+@pytest.mark.parametrize(("height_m", "is_outside"), [(2.0, False), (1.99, True), (61.0, False), (61.01, True)])
+def test_a_metre_past_floor_or_ceiling_is_outside(height_m, is_outside):
+    assert outside((0.0, 0.0, 0.0), height_m, LIMITS) is is_outside
+    reason = gate(request(), at(0.0, height_m=height_m), NOW, None, LIMITS)[1]
+    assert reason is (Reason.AT_FENCE if is_outside else Reason.PASSED)
+
+
+def test_the_fence_has_a_centre():
+    limits = Limits(fence=Fence(north_m=100.0, east_m=-50.0, radius_m=20.0))
+    assert settle((0.0, -0.5, 0.0), vehicle=at(100.0, -75.0), limits=limits)[1] is Reason.AT_FENCE
+    assert settle((0.0, -0.5, 0.0), vehicle=at(100.0, -50.0), limits=limits)[1] is Reason.PASSED
+
+
+def test_at_most_so_far_from_the_operator():
+    limits = Limits(fence=Fence(operator_distance_m=50.0))
+    assert settle((1.0, 0.0, 0.0), vehicle=at(-49.0), limits=limits)[1] is Reason.AT_FENCE
+    assert settle((1.0, 0.0, 0.0), vehicle=at(-48.0), limits=limits)[1] is Reason.PASSED
+    elsewhere = Limits(fence=Fence(operator_distance_m=50.0, operator_north_m=-20.0, operator_east_m=5.0))
+    assert not outside((-60.0, 5.0, 0.0), 20.0, elsewhere)
+    assert outside((-60.0, -30.0, 0.0), 20.0, elsewhere)
+
+
+def test_a_side_that_jumps_nearer_stops_the_vehicle():
+    flying, _ = settle((5.0, 0.0, 0.0))
+    setpoint, reason = gate(request((5.0, 1.0, 0.0)), at(SIDE_M - 2.0), NOW, replace_time(flying), LIMITS)
+    assert (setpoint.velocity_ned_mps, reason) == ((0.0, 0.0, 0.0), Reason.LIMIT_JUMPED)
+
+
+def test_a_side_that_closes_in_slowly_is_paid_for_out_of_the_slew():
+    before, _ = settle((3.0, 0.0, 0.0))
+    setpoint, _ = gate(request((3.0, 3.0, 0.0)), at(SIDE_M - 4.9), NOW, replace_time(before), LIMITS)
+    assert any(setpoint.velocity_ned_mps)
+    assert math.dist(setpoint.velocity_ned_mps, before.velocity_ned_mps) <= 4.0 * 0.05 + 1e-9
+    assert setpoint.velocity_ned_mps[0] < 3.0
+
+
+def test_a_fence_in_degrees_lets_nothing_move_before_home_is_known():
+    fence = Fence(polygon_deg=((47.0, 8.0), (47.002, 8.0), (47.002, 8.003), (47.0, 8.003)))
+    assert settle((1.0, 0.0, 0.0), limits=Limits(fence=fence))[1] is Reason.AT_FENCE
+    placed = Limits(fence=fence.placed(47.001, 8.0015))
+    assert settle((1.0, 0.0, 0.0), limits=placed)[1] is Reason.PASSED
