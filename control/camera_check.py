@@ -20,8 +20,10 @@ _STD_RAD: Final = 0.008  # of an angle in the picture: the box's jitter and the 
 _ACCELERATION_RPS2: Final = 0.1  # of the target as seen; its square times a second is the noise's density
 _RATE_STD_RPS: Final = 0.3
 _ENOUGH: Final = 14.0  # logarithm of the odds: one wrong verdict in a million
-_MOST_PER_PICTURE: Final = 2.0
-_MOST_GAP_S: Final = 0.5  # after a longer pause the filters begin anew; the odds stay
+_ENOUGH_TURN_RAD: Final = 0.1
+_WORST_ERROR: Final = 16.0  # squared and by its variance; no single picture decides
+_PRIOR: Final = 5.0  # pictures that fitted as expected, before the first
+_MOST_GAP_S: Final = 0.5  # after a longer pause the filters begin anew; what they have shown stays
 
 
 class Verdict(Enum):
@@ -32,11 +34,16 @@ class Verdict(Enum):
     WRONG = "the picture does not turn as the vehicle does"
 
 
+# Gains across and upwards: mirrored or upside down, on a gimbal, rolled one way and the other.
+_WRONG: Final = ((1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+
+
 class _Filter:
     """A constant-rate Kalman filter on an angle in the picture that moves by `gain` for each radian of yaw."""
 
     def __init__(self, gain: float) -> None:
         self._gain = gain
+        self.errors = _PRIOR
         self.begin(0.0, 0.0)
 
     def begin(self, angle_rad: float, yaw_rad: float) -> None:
@@ -44,8 +51,8 @@ class _Filter:
         self._at_rad, self._rate_rps = angle_rad - self._gain * yaw_rad, 0.0
         self._variance, self._covariance, self._rate_variance = _STD_RAD**2, 0.0, _RATE_STD_RPS**2
 
-    def surprise(self, angle_rad: float, yaw_rad: float, dt_s: float) -> float:
-        """Minus the logarithm of the likelihood of this angle dt_s (s) later; it is fused."""
+    def fuse(self, angle_rad: float, yaw_rad: float, dt_s: float) -> None:
+        """This angle is seen dt_s (s) later; the error of what was predicted adds to `errors`."""
         q = _ACCELERATION_RPS2**2
         pp = self._variance + dt_s * (2 * self._covariance + dt_s * self._rate_variance) + q * dt_s**3 / 3
         pr = self._covariance + dt_s * self._rate_variance + q * dt_s**2 / 2
@@ -55,7 +62,7 @@ class _Filter:
         self._rate_rps += pr / s * error_rad
         self._variance, self._covariance = pp - pp * pp / s, pr - pp * pr / s
         self._rate_variance += q * dt_s - pr * pr / s
-        return 0.5 * (error_rad**2 / s + math.log(s))
+        self.errors += min(error_rad**2 / s, _WORST_ERROR)
 
 
 class CameraCheck:
@@ -69,10 +76,10 @@ class CameraCheck:
         self.verdict = Verdict.OPEN
         self._across = {gain: _Filter(gain) for gain in (-1.0, 0.0, 1.0)}
         self._upward = {gain: _Filter(gain) for gain in (-1.0, 0.0, 1.0)}
-        # Logarithm of the odds against the camera as configured: mirrored, on a gimbal, rolled either way.
-        self._odds = {(1.0, 0.0): 0.0, (0.0, 0.0): 0.0, (0.0, 1.0): 0.0, (0.0, -1.0): 0.0}
+        self._pictures = _PRIOR
         self._t_s: float | None = None
         self._yaw_rad = 0.0  # turned since the first bearing
+        self._turns_rad = (math.inf, -math.inf)  # the least and the most of it
 
     def saw(self, bearing: BearingMeasurement, yaw_rad: float) -> Verdict:
         """A bearing, and the vehicle's yaw (rad) at its capture time."""
@@ -82,21 +89,28 @@ class CameraCheck:
             return self.verdict
         self._t_s = bearing.t_capture_s
         self._yaw_rad += wrap_pi(yaw_rad - self._yaw_rad)
-        if dt_s > _MOST_GAP_S:
-            for filters, angle_rad in ((self._across, offset_rad), (self._upward, bearing.elevation_rad)):
-                for each in filters.values():
+        for filters, angle_rad in ((self._across, offset_rad), (self._upward, bearing.elevation_rad)):
+            for each in filters.values():
+                if dt_s > _MOST_GAP_S:
                     each.begin(angle_rad, self._yaw_rad)
-            return self.verdict
-        across = {gain: each.surprise(offset_rad, self._yaw_rad, dt_s) for gain, each in self._across.items()}
-        upward = {
-            gain: each.surprise(bearing.elevation_rad, self._yaw_rad, dt_s) for gain, each in self._upward.items()
-        }
-        right = across[-1.0] + upward[0.0]
-        for wrong in self._odds:
-            more = right - across[wrong[0]] - upward[wrong[1]]
-            self._odds[wrong] += min(max(more, -_MOST_PER_PICTURE), _MOST_PER_PICTURE)
-        if max(self._odds.values()) > _ENOUGH:
-            self.verdict = Verdict.WRONG
-        elif max(self._odds.values()) < -_ENOUGH:
-            self.verdict = Verdict.RIGHT
+                else:
+                    each.fuse(angle_rad, self._yaw_rad, dt_s)
+        if dt_s <= _MOST_GAP_S:
+            self._pictures += 1
+            self._turns_rad = min(self._turns_rad[0], self._yaw_rad), max(self._turns_rad[1], self._yaw_rad)
+        if self._turns_rad[1] - self._turns_rad[0] > _ENOUGH_TURN_RAD:
+            odds = self.odds()
+            if odds > _ENOUGH:
+                self.verdict = Verdict.WRONG
+            elif odds < -_ENOUGH:
+                self.verdict = Verdict.RIGHT
         return self.verdict
+
+    def odds(self) -> float:
+        """Logarithm of the odds of the likeliest wrong camera; of the scale of all errors nothing is assumed."""
+        across, upward = self._across, self._upward
+        right = across[-1.0].errors * upward[0.0].errors
+        return max(
+            0.5 * self._pictures * math.log(right / (across[wrong[0]].errors * upward[wrong[1]].errors))
+            for wrong in _WRONG
+        )

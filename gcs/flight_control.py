@@ -140,14 +140,15 @@ class FollowControl:
         except ValueError:  # a box no ray can be made of
             return None
         accepted = self._estimator.update(measurement)
-        verdict = self._camera_check.saw(measurement, attitude[2])
+        if accepted:
+            self._camera_check.saw(measurement, attitude[2])
         self._inputs = replace(
             self._inputs,
             measured_t_s=now_s if accepted else self._inputs.measured_t_s,
             rejections_in_a_row=self._estimator.rejections_in_a_row,
             confidence=result.confidence,
             latency_s=now_s - t_capture_s + TICK_S,
-            camera_wrong=verdict is Verdict.WRONG,
+            camera_wrong=self._camera_check.verdict is Verdict.WRONG,
         )
         return measurement
 
