@@ -33,13 +33,13 @@ class ModeSwitch:
         match action:
             case Action.ENGAGE:
                 if self._engage_ticks == _PRIMING_TICKS:
-                    self._entering = spawn(self._enter())
+                    self._entering = spawn(self._enter(self._modes.now_s()))
             case Action.COMMAND_HOLD:
                 self._stop_entering()
                 running = self._holding is not None and not self._holding.done()
                 if not running and (not self._hold_asked or mode is VehicleMode.EXTERNAL):
                     self._hold_asked = True
-                    self._holding = spawn(self.hold())
+                    self._holding = spawn(self.hold(self._modes.now_s()))
             case Action.SILENCE:
                 self._stop_entering()
                 self._hold_asked = False
@@ -60,15 +60,15 @@ class ModeSwitch:
             self._entering.cancel()
             self._entering = None
 
-    async def _enter(self) -> None:
+    async def _enter(self, asked_t_s: float) -> None:
         try:
-            await self._modes.enter_external()
+            await self._modes.enter_external(asked_t_s)
         except VehicleError as error:
             self._say(str(error))
 
-    async def hold(self) -> None:
+    async def hold(self, asked_t_s: float | None = None) -> None:
         """Hold, repeated until it is seen; an alarm if it never is."""
         try:
-            await self._modes.hold()
+            await self._modes.hold(asked_t_s)
         except VehicleError as error:
             self._say(f"ALARM: {error}; nothing more is sent, the vehicle's own time-out must stop it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -15,15 +16,24 @@ _FIRST_RETRY_S, _LAST_RETRY_S = 1.0, 8.0
 @dataclass(slots=True)
 class _Flow:
     stream: Stream
-    arrivals: deque[float] = field(default_factory=deque)
+    arrivals: deque[float] = field(init=False)
     ask_t_s: float = 0.0
     retry_s: float = 0.0  # 0 = not asked yet
 
+    def __post_init__(self) -> None:
+        # No longer than it takes to see that enough arrive, however many do.
+        self.arrivals = deque(maxlen=math.ceil(self._enough()))
+
+    def _window_s(self) -> float:
+        return max(_WINDOW_S, 3.0 / self.stream.rate_hz)
+
+    def _enough(self) -> float:
+        return max(1.0, _ENOUGH_FRAC * self.stream.rate_hz * self._window_s())
+
     def flows(self, now_s: float) -> bool:
-        window_s = max(_WINDOW_S, 3.0 / self.stream.rate_hz)
-        while self.arrivals and self.arrivals[0] < now_s - window_s:
+        while self.arrivals and self.arrivals[0] < now_s - self._window_s():
             self.arrivals.popleft()
-        return len(self.arrivals) >= max(1.0, _ENOUGH_FRAC * self.stream.rate_hz * window_s)
+        return len(self.arrivals) >= self._enough()
 
 
 class StreamKeeper:

@@ -6,6 +6,9 @@ says False. What waits in a buffer of ours would arrive late, and a late setpoin
 
 from __future__ import annotations
 
+import errno
+import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -106,6 +109,19 @@ def _serial(url: str) -> Endpoint:
     if not device or not baud.isdecimal() or int(baud) == 0:
         raise WireError(f"vehicle address {url!r}: needs a device and a baud rate, as in serial:///dev/ttyACM0:57600")
     return Endpoint(Kind.SERIAL, device=device, baud=int(baud))
+
+
+def not_opened(endpoint: Endpoint, error: OSError) -> WireError:
+    """Why a listener did not get its port, and for one in use how to see who has it."""
+    reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+    if error.errno == errno.EADDRINUSE:
+        protocol = "tcp" if endpoint.kind is Kind.TCP_IN else "udp"
+        reason = f"{protocol.upper()} port {endpoint.port} is in use, perhaps by another ground station; "
+        if sys.platform == "linux":
+            reason += f"`ss -{protocol[0]}lpn sport = :{endpoint.port}` shows by whom"
+        else:
+            reason += f"`lsof -nP -i{protocol.upper()}:{endpoint.port}` shows by whom"
+    return WireError(f"vehicle address {endpoint}: {reason}")
 
 
 async def open_transport(endpoint: Endpoint, received: Received) -> Transport:

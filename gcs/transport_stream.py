@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from gcs.errors import WireError
-from gcs.transport import Endpoint, Peer, Received
+from gcs.transport import Endpoint, Peer, Received, not_opened
 
 _READ_BYTES = 4096
 _SEND_BUFFER_BYTES = 2048  # of the kernel: a peer that takes nothing must not get old frames later
@@ -122,8 +122,7 @@ class TcpInTransport(_Stream):
         try:
             transport._server = await asyncio.start_server(transport._client, endpoint.host, endpoint.port)
         except OSError as error:
-            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-            raise WireError(f"vehicle address {endpoint}: {reason}; another ground station may be using it") from None
+            raise not_opened(endpoint, error) from None
         return transport
 
     @property

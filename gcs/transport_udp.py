@@ -7,7 +7,7 @@ import socket
 from typing import Any
 
 from gcs.errors import WireError
-from gcs.transport import Endpoint, Kind, Peer, Received
+from gcs.transport import Endpoint, Kind, Peer, Received, not_opened
 
 _BACKLOG_DATAGRAMS = 2000  # read in one go; bounds how long a flood can hold the event loop
 _MAX_DATAGRAM_BYTES = 65536
@@ -36,7 +36,7 @@ class UdpTransport(asyncio.DatagramProtocol):
         except OSError as error:
             raise WireError(f"vehicle address {endpoint}: unknown host ({error.strerror})") from None
         family, _, _, _, address = infos[0]
-        # No SO_REUSEADDR: with it two programs could hold the port and would share the packets silently.
+        # Neither SO_REUSEADDR nor SO_REUSEPORT: with them two programs would share the packets silently.
         sock = socket.socket(family, socket.SOCK_DGRAM)
         sock.setblocking(False)
         peer = None
@@ -48,9 +48,7 @@ class UdpTransport(asyncio.DatagramProtocol):
                 sock.bind(("" if family == socket.AF_INET else "::", 0))
         except OSError as error:
             sock.close()
-            raise WireError(
-                f"vehicle address {endpoint}: {error.strerror}; another ground station may be using it"
-            ) from None
+            raise not_opened(endpoint, error) from None
         transport = cls(endpoint, received, sock, peer)
         await loop.create_datagram_endpoint(lambda: transport, sock=sock)
         return transport

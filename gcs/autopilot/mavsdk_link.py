@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import mavsdk
 
+from gcs import codec
 from gcs.clock import Clock
 from gcs.errors import VehicleError
 from gcs.framing import Message
@@ -71,7 +72,8 @@ class MavsdkLink:
 
     def _feed(self, message: Message, _t_s: float) -> None:
         vehicle = self._wire.vehicle
-        if not self._closed and vehicle is not None and message.get_srcSystem() == vehicle.system_id:
+        # Of the autopilot alone: MAVSDK would take a COMMAND_ACK or PARAM_VALUE from any component of the system.
+        if not self._closed and vehicle is not None and codec.is_from(message, vehicle):
             self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
 
     async def system(self, timeout_s: float) -> Any:

@@ -18,7 +18,7 @@ import pytest
 from sitl_mocks import scenario
 from sitl_mocks.simulator import Simulator, SimulatorConfig
 from sitl_mocks.vehicle import PREPARED, Mode, Personality
-from tests.gcs.test_wire import free_port
+from tests.gcs.wire_peer import free_port
 
 
 @dataclass

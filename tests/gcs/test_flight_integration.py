@@ -33,7 +33,7 @@ from sitl_mocks.monitor import WireMonitor
 from sitl_mocks.vehicle import PREPARED, MockVehicle, Mode, Personality
 from sitl_mocks.vehicle.server import run_udp
 from tests.gcs.flight_rig import box_of
-from tests.gcs.test_wire import free_port
+from tests.gcs.wire_peer import free_port
 from tracker.box import Box, TrackResult
 
 BOTH = pytest.mark.parametrize("personality", ["px4", "ardupilot"])

@@ -17,8 +17,7 @@ from gcs.signing import Signing, Verdict
 from gcs.signing_time import EPOCH_UNIX_S, MARGIN, UNITS_PER_S
 from gcs.wire import Wire
 from tests.gcs.signing_peer import OTHER, SECRET, attack, digest, signer, verifier
-from tests.gcs.test_wire import Loopback
-from tests.gcs.wire_peer import heartbeat, setpoint
+from tests.gcs.wire_peer import Loopback, heartbeat, setpoint
 
 VEHICLE = ("vehicle", 1)
 
@@ -251,4 +250,6 @@ def test_no_attack_is_believed_and_none_shuts_the_vehicle_out(tmp_path):
     assert len(link.believed) == len(seen)
     assert min(kinds.values()) > 10_000
     refused = link.signing.counts
-    assert all(refused[verdict] > 10_000 for verdict in (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.OLD))
+    assert all(
+        refused[verdict] > 10_000 for verdict in (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.OLD)
+    )

@@ -25,8 +25,7 @@ from gcs.telemetry import Telemetry
 from gcs.wire import Wire
 from sitl_mocks.vehicle import MockVehicle, Mode, Result
 from sitl_mocks.vehicle.server import run_udp
-from tests.gcs.test_wire import free_port
-from tests.gcs.wire_peer import eventually
+from tests.gcs.wire_peer import eventually, free_port
 
 CLOCK = MonotonicClock()
 BOTH = pytest.mark.parametrize("personality", ["px4", "ardupilot"])

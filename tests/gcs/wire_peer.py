@@ -83,3 +83,36 @@ def setpoint(now_s: float, velocity_ned_mps: Vec3 = (0.15, -0.1, 0.05), yaw_rate
     value, reason = gate(VelocityRequest(now_s, velocity_ned_mps, yaw_rate_rps), vehicle, now_s, None, Limits())
     assert value is not None, reason
     return value
+
+
+def free_port(kind: int = socket.SOCK_DGRAM) -> int:
+    """A port of loopback that nobody has."""
+    with socket.socket(socket.AF_INET, kind) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+async def got(peer: Peer, name: str) -> list[Any]:
+    """Wait for messages of this name to arrive at the peer."""
+    seen: list[Any] = []
+    return await eventually(lambda: seen.extend(peer.received()) or [m for m in seen if m.get_type() == name])
+
+
+class Loopback:
+    """A transport without a socket or an event loop."""
+
+    status, connections = "open", 1
+
+    def __init__(self, received: Callable[[bytes, tuple[str, int] | None], None]) -> None:
+        self.received = received
+        self.sent: list[bytes] = []
+
+    def send(self, data: bytes) -> bool:
+        self.sent.append(data)
+        return True
+
+    def reply_to(self, peer: tuple[str, int]) -> None:
+        self.peer = peer
+
+    async def close(self) -> None:
+        """Nothing to close."""

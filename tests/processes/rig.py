@@ -19,7 +19,7 @@ from sitl_mocks.monitor import MonitorLimits, WireMonitor
 from sitl_mocks.vehicle import MockVehicle, Mode, Personality
 from sitl_mocks.vehicle.params import PREPARED
 from sitl_mocks.vehicle.server import run_udp
-from tests.gcs.test_wire import free_port
+from tests.gcs.wire_peer import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 HEIGHT_M = 9.0
