@@ -1,0 +1,187 @@
+"""Faults of the picture, the tracker and the target: H1 to H9, H20, H33, H39."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from tests.faults.eyes import HEIGHT_PX, WIDTH_PX
+from tests.faults.script import Happened
+from tests.faults.world import World
+from tracker.box import Box
+
+
+def _more(world: World, counter: str, least: int) -> Happened:
+    before = getattr(world.eyes, counter)
+    return lambda: getattr(world.eyes, counter) - before >= least
+
+
+def video_lost(world: World) -> Happened:
+    """No picture comes any more, not even those under way."""
+    delivered = world.eyes.delivered
+    world.eyes.running = False
+    return lambda: world.eyes.delivered == delivered
+
+
+def video_still(world: World) -> Happened:
+    """The same picture again and again, under new times."""
+    pictures, delivered = world.eyes.pictures, world.eyes.delivered
+    world.eyes.still = True
+    return lambda: world.eyes.pictures == pictures and world.eyes.delivered > delivered + 10
+
+
+def pictures_old(world: World) -> Happened:
+    """A buffer somewhere has filled up: every picture half a second to two seconds old."""
+    world.eyes.buffered_s = world.random.uniform(0.5, 2.0)
+    return _more(world, "delivered", 5)
+
+
+def drift_away(world: World) -> Happened:
+    """The tracker slides over to something else that passes by; no rule can see that at once."""
+    start_s, side = world.loop.time(), world.random.choice((-1.0, 1.0))
+    shifts: list[float] = []
+
+    def slide(box: Box, now_s: float) -> Box:
+        shifts.append(min(60.0 * (now_s - start_s), 200.0))
+        return replace(box, cx_px=box.cx_px + side * shifts[-1])
+
+    world.eyes.distort = slide
+    return lambda: bool(shifts) and shifts[-1] > 30.0
+
+
+def box_jumps(world: World) -> Happened:
+    """The box sits on something else from one picture to the next."""
+    jump = world.random.choice((-1.0, 1.0)) * world.random.uniform(150.0, 280.0)
+    jumps: list[float] = []
+
+    def move(box: Box, now_s: float) -> Box:
+        jumps.append(now_s)
+        return replace(box, cx_px=min(max(box.cx_px + jump, 5.0), WIDTH_PX - 5.0))
+
+    world.eyes.distort = move
+    return lambda: len(jumps) > 5
+
+
+def box_absurd(world: World) -> Happened:
+    """Boxes and scores that are no numbers, or numbers beyond sense."""
+    values = (math.nan, math.inf, -math.inf, 1e30, -1e30, 0.0)
+    bad, where = world.random.choice(values), world.random.choice(("cx_px", "cy_px", "w_px", "h_px"))
+    if bad == 0.0:
+        where = "w_px"
+    seen: list[float] = []
+
+    def spoil(box: Box, now_s: float) -> Box:
+        seen.append(now_s)
+        return replace(box, **{where: bad})
+
+    world.eyes.distort = spoil
+    return lambda: len(seen) > 5
+
+
+def score_absurd(world: World) -> Happened:
+    """A confidence that is no number."""
+    world.eyes.confidence = world.random.choice((math.nan, math.inf, -math.inf, -1.0, 0.0))
+    return _more(world, "delivered", 5)
+
+
+def target_leaves(world: World) -> Happened:
+    """The target leaves the picture sideways, faster than the vehicle turns; it counts from its last sight."""
+    world.target.speed_mps, world.target.weave_rad = 45.0, 0.0
+    world.target.heading_rad = world.vehicle.pose().yaw_rad + world.random.choice((-1.0, 1.0)) * math.pi / 2
+    unseen = world.eyes.unseen
+
+    def gone(now_s: float) -> None:
+        if world.eyes.unseen > unseen and not world.eyes.hidden:
+            world.caused(now_s)
+            world.hooks.remove(gone)
+
+    world.hooks.append(gone)
+    return lambda: gone not in world.hooks
+
+
+def hidden_long(world: World) -> Happened:
+    """Behind something, for good."""
+    world.eyes.covered = True
+    return _more(world, "unseen", 10)
+
+
+def hidden_briefly(world: World) -> Happened:
+    """Behind something, for less than a second."""
+    world.eyes.covered = True
+    happened = _more(world, "unseen", 2)
+    world.loop.call_later(world.random.uniform(0.2, 0.7), lambda: setattr(world.eyes, "covered", False))
+    return happened
+
+
+def camera_mirrored(world: World) -> Happened:
+    """The picture is a mirror image."""
+    seen: list[float] = []
+
+    def mirror(box: Box, now_s: float) -> Box:
+        seen.append(now_s)
+        return replace(box, cx_px=WIDTH_PX - box.cx_px)
+
+    world.eyes.distort = mirror
+    return lambda: len(seen) > 5
+
+
+def camera_rolled(world: World) -> Happened:
+    """The camera is mounted upside down."""
+    seen: list[float] = []
+
+    def turn(box: Box, now_s: float) -> Box:
+        seen.append(now_s)
+        return replace(box, cx_px=WIDTH_PX - box.cx_px, cy_px=HEIGHT_PX - box.cy_px)
+
+    world.eyes.distort = turn
+    return lambda: len(seen) > 5
+
+
+def target_comes(world: World) -> Happened:
+    """The target runs at the vehicle and on below it."""
+    north, east, _ = (
+        t - p for t, p in zip(world.target.position_ned_m, world.vehicle.pose().position_ned_m, strict=True)
+    )
+    world.target.heading_rad, world.target.weave_rad = math.atan2(-east, -north), 0.0
+    world.target.speed_mps = world.random.uniform(3.0, 6.0)
+    start_m = math.hypot(north, east)
+    nearest = [start_m]
+    world.hooks.append(lambda now_s: nearest.append(min(nearest[-1], _ground_m(world))))
+    return lambda: nearest[-1] < start_m - 3.0
+
+
+def _ground_m(world: World) -> float:
+    north, east, _ = (
+        t - p for t, p in zip(world.target.position_ned_m, world.vehicle.pose().position_ned_m, strict=True)
+    )
+    return math.hypot(north, east)
+
+
+def pictures_broken(world: World) -> Happened:
+    """What the decoder makes of damaged data cannot be tracked in."""
+    failed: list[float] = []
+
+    def fail(now_s: float) -> None:
+        failed.append(now_s)
+        raise ValueError("a damaged picture")
+
+    world.eyes.fail = fail
+    return lambda: len(failed) >= 1
+
+
+def tracker_fails(world: World) -> Happened:
+    """Out of memory in the model."""
+    failed: list[float] = []
+
+    def fail(now_s: float) -> None:
+        failed.append(now_s)
+        raise RuntimeError("out of memory")
+
+    world.eyes.fail = fail
+    return lambda: len(failed) >= 1
+
+
+def tracker_slow(world: World) -> Happened:
+    """Two seconds for a picture."""
+    world.eyes.track_s = world.random.uniform(0.6, 2.0)
+    return _more(world, "delivered", 3)

@@ -1,0 +1,248 @@
+"""Vehicle, link, camera and judge around the real flight, advanced in steps of 10 ms of fake time."""
+
+from __future__ import annotations
+
+import math
+import random
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from gcs.autopilot.actions import VehicleActions
+from gcs.autopilot.mode_control import ModeControl
+from gcs.config import CameraConfig, Config
+from gcs.flight import Flight, Link
+from gcs.telemetry import Telemetry
+from gcs.transport import Peer, Received
+from gcs.wire import Wire
+from sitl_mocks.link_faults import Conditions, OneWay
+from sitl_mocks.monitor import MonitorLimits, Vec3, WireMonitor
+from sitl_mocks.vehicle import MockVehicle, Personality
+from sitl_mocks.vehicle.params import PREPARED
+from sitl_mocks.vehicle.streams import HEARTBEAT
+from tests.faults.eyes import HFOV_RAD, MOUNT_PITCH_RAD, Eyes, LockstepVision, ModelTracker, NoSource
+from tests.faults.lockstep import LockstepLoop
+
+STEP_S = 0.01
+DELAY_S = 0.01  # each way
+VEHICLE_PEER: Peer = ("vehicle", 14580)
+_STILL = 1e-6
+_RECENT_S = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a flight begins with."""
+
+    seed: int
+    personality: Personality
+    config: Config = field(default_factory=lambda: Config(camera=CAMERA))
+    height_m: float | None = 9.0  # None: on the ground, disarmed
+    limits: MonitorLimits = field(default_factory=lambda: LIMITS)
+    parameters: dict[str, float] = field(default_factory=dict)  # on top of the prepared ones
+
+
+CAMERA = CameraConfig(hfov_deg=math.degrees(HFOV_RAD), mount_rpy_deg=(0.0, math.degrees(MOUNT_PITCH_RAD), 0.0))
+LIMITS = MonitorLimits(
+    confirmation_needed=True, fence_radius_m=150.0, height_min_m=3.0, height_max_m=60.0, confirmation_lasts_s=3.0
+)
+
+
+@dataclass(slots=True)
+class Target:
+    """Walks on level ground with a weave; a fault may change how."""
+
+    position_ned_m: Vec3
+    speed_mps: float = 0.0
+    heading_rad: float = 0.0
+    weave_rad: float = 0.35
+
+    def step(self, now_s: float) -> None:
+        """Advance by STEP_S."""
+        heading = self.heading_rad + self.weave_rad * math.sin(0.9 * now_s)
+        north, east, down = self.position_ned_m
+        length_m = self.speed_mps * STEP_S
+        self.position_ned_m = (north + length_m * math.cos(heading), east + length_m * math.sin(heading), down)
+
+
+@dataclass(slots=True)
+class Exit:
+    """Every setpoint that leaves the station, decoded by pymavlink alone."""
+
+    setpoints: list[tuple[float, bool]] = field(default_factory=list)  # (time, moving)
+    velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)  # of the newest
+    digest: int = 0
+
+    def note(self, now_s: float, datagram: bytes) -> None:
+        """One datagram left at now_s."""
+        self.digest = zlib.crc32(datagram, self.digest ^ round(now_s * 1e6) & 0xFFFFFFFF)
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        for message in parser.parse_buffer(bytearray(datagram)) or ():
+            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+                self.velocity_ned_mps = (message.vx, message.vy, message.vz)
+                moving = max(*map(abs, self.velocity_ned_mps), abs(message.yaw_rate)) > _STILL
+                self.setpoints.append((now_s, moving))
+
+    def last_s(self, moving: bool) -> float | None:
+        """When the last setpoint left; moving: the last that was not zero."""
+        return next((t_s for t_s, moves in reversed(self.setpoints) if moves or not moving), None)
+
+    def any_moving(self, from_s: float, to_s: float) -> bool:
+        """Whether the vehicle was being moved in that time."""
+        return any(moves and from_s <= t_s <= to_s for t_s, moves in self.setpoints)
+
+
+class StationEnd:
+    """The station's `Transport`: what it sends goes out on the way up."""
+
+    status, connections = "lockstep", 1
+
+    def __init__(self, send: Callable[[bytes], bool], received: Received) -> None:
+        self._send = send
+        self.received = received
+
+    def send(self, data: bytes) -> bool:
+        """Always taken."""
+        return self._send(data)
+
+    def reply_to(self, peer: Peer) -> None:
+        """There is one vehicle."""
+
+    async def close(self) -> None:
+        """Nothing is open."""
+
+
+class World:
+    """Call `step` every STEP_S; faults change its parts."""
+
+    def __init__(self, loop: LockstepLoop, setup: Setup) -> None:
+        self.loop = loop
+        self.setup = setup
+        self.random = random.Random(setup.seed * 7919 + 17)
+        self.vehicle = MockVehicle(
+            setup.personality,
+            airborne_m=setup.height_m,
+            parameters={**PREPARED[setup.personality], **setup.parameters},
+            rates_hz={HEARTBEAT: 1.0},
+            seed=setup.seed,
+        )
+        self.monitor = WireMonitor(setup.limits)
+        self.exit = Exit()
+        self.up = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 1)
+        self.down = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 2)
+        self.target = Target((15.5, self.random.uniform(-1.5, 1.5), -0.8))
+        self.said: list[str] = []
+        self.frozen = False  # the station's process stands still: what comes in waits
+        self.dead = False  # it is gone
+        self.cause_s = math.inf  # when the fault came
+        self.bound_s: float | None = None
+        self.silent = False  # the bound is for setpoints of any kind
+        self.engaged_before = False
+        self.was_moving = False
+        self.undo: list[Callable[[], None]] = []
+        self.hooks: list[Callable[[float], None]] = []
+        self.station: StationEnd | None = None
+        self._backlog: list[tuple[bytes, Peer]] = []
+        self.eyes = Eyes(random.Random(setup.seed + 5))
+        self.wire = Wire.over(self._transport, clock=loop)
+        self.telemetry = Telemetry(self.wire, loop)
+        modes = ModeControl(self.wire, self.telemetry, loop)
+        link = Link(self.wire, self.telemetry, modes, cast(VehicleActions, None))
+        source, tracker = NoSource(), ModelTracker(self.eyes, loop)
+        self.flight = Flight(link, source, tracker, setup.config, loop, say=self.said.append)
+        self.vision = LockstepVision(self.eyes, loop, self.flight.saw)
+        self.flight.vision = self.vision
+
+    def _transport(self, received: Received) -> StationEnd:
+        self.station = StationEnd(self._leave, received)
+        return self.station
+
+    def _leave(self, data: bytes) -> bool:
+        if self.dead:
+            return False
+        now_s = self.loop.time()
+        self.exit.note(now_s, data)
+        self.up.put(data, now_s)
+        return True
+
+    @property
+    def px4(self) -> bool:
+        """Which autopilot it is."""
+        return self.setup.personality is Personality.PX4
+
+    async def run(self) -> None:
+        """Go on until cancelled."""
+        due_s = self.loop.time()
+        while True:
+            self.step(self.loop.time())
+            due_s = max(due_s + STEP_S, self.loop.time())  # what a stall has stepped is not stepped again
+            await _sleep_until(self.loop, due_s)
+
+    def step(self, now_s: float) -> None:
+        """Everything but the station itself."""
+        for hook in tuple(self.hooks):
+            hook(now_s)
+        self.target.step(now_s)
+        self._down(self.vehicle.step(now_s), now_s)
+        for data in self.up.take(now_s):
+            self.monitor.feed(now_s, data, self.vehicle.truth())
+            self._down(self.vehicle.receive(data, now_s), now_s)
+        self.monitor.tick(now_s, self.vehicle.truth())
+        self.vision.shoot(now_s, self.target.position_ned_m, self.vehicle.pose())
+        self._backlog.extend((data, VEHICLE_PEER) for data in self.down.take(now_s))
+        if not (self.frozen or self.dead):
+            self.hand_over(now_s)
+
+    def _down(self, datagrams: list[bytes], now_s: float) -> None:
+        for data in datagrams:
+            self.down.put(data, now_s)
+
+    def hand_over(self, now_s: float) -> None:
+        """What waits in the station's sockets is read."""
+        backlog, self._backlog = self._backlog, []
+        assert self.station is not None
+        for data, peer in backlog:
+            self.station.received(data, peer)
+        self.vision.hand_over(now_s)
+
+    def caused(self, now_s: float) -> None:
+        """The fault's bound counts from now on."""
+        self.cause_s = now_s
+        self.engaged_before = self.flight.control.is_engaged
+        self.was_moving = self.exit.any_moving(now_s - _RECENT_S, now_s)
+        if self.bound_s is None:
+            return
+        by_s = now_s + self.bound_s + self.up.conditions.delay_s + 2 * STEP_S
+        if self.silent:
+            self.monitor.silent_by_s = by_s
+        else:
+            self.monitor.still_by_s = by_s
+
+    def inject(self, data: bytes, peer: Peer = VEHICLE_PEER) -> None:
+        """A datagram from somebody, straight into the station's socket."""
+        self._backlog.append((data, peer))
+
+    def stall(self, seconds: float) -> None:
+        """The station's whole process stands still for so long; the world goes on."""
+        self.frozen = True
+        now_s = self.loop.time()
+        end_s = now_s + seconds
+        while now_s + STEP_S <= end_s:
+            now_s += STEP_S
+            self.loop.stall(now_s)
+            self.step(now_s)
+        self.frozen = False
+        self.hand_over(self.loop.time())
+
+
+async def _sleep_until(loop: LockstepLoop, due_s: float) -> Any:
+    future = loop.create_future()
+    handle = loop.call_at(due_s, lambda: future.done() or future.set_result(None))
+    try:
+        await future
+    finally:
+        handle.cancel()
