@@ -175,10 +175,12 @@ def bearing_measurement(
 ) -> BearingMeasurement:
     """A box (centre and size, px) as a line of sight, with the attitude (roll, pitch, yaw) at capture time.
 
-    ValueError if a number is not finite or the box has no area.
+    ValueError if a number is not finite, or the box is none that a picture of this size can hold.
     """
     numbers = (cx_px, cy_px, w_px, h_px, *attitude, t_capture_s, confidence)
-    if not all(map(math.isfinite, numbers)) or min(w_px, h_px) <= 0:
+    most_px = 4.0 * max(camera.width_px, camera.height_px)
+    fits = 0.0 < min(w_px, h_px) and max(abs(cx_px), abs(cy_px), w_px, h_px) <= most_px
+    if not (fits and all(map(math.isfinite, numbers))):
         raise ValueError(f"box ({cx_px}, {cy_px}, {w_px}, {h_px}) px at {t_capture_s} s is not a usable box")
     ray = ray_camera(camera, cx_px, cy_px)
     north, east, down = _ned_from_camera(camera, attitude) @ ray

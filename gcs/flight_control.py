@@ -124,6 +124,8 @@ class FollowControl:
 
     def saw(self, seen: Seen, now_s: float) -> BearingMeasurement | None:
         """A frame has been through the tracker; the line of sight it gave, whether or not the filter took it."""
+        if seen.repeated:
+            return None
         if not seen.frozen:
             self._inputs = replace(self._inputs, frame_t_s=seen.frame.t_arrival_s)
         result = seen.result

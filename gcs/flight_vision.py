@@ -44,6 +44,7 @@ class Seen:
     track_s: float = 0.0
     frozen: bool = False
     problem: str | None = None
+    repeated: bool = False  # the same picture as the last: it tells nothing new, whatever the tracker says
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,11 @@ class StillPicture:
         else:
             self._last, self._same, self._since_s = image_bgr, 1, t_s
         return self._same >= _FROZEN_FRAMES and t_s - self._since_s >= _FROZEN_S
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the newest picture equals the one before it."""
+        return self._same > 1
 
 
 class Vision:
@@ -118,7 +124,7 @@ class Vision:
         now_s = self._clock.now_s()
         if frozen:
             return Seen(frame, self._tracking, None, now_s, now_s - t_start_s, True, "the picture stands still")
-        return Seen(frame, self._tracking, result, now_s, now_s - t_start_s)
+        return Seen(frame, self._tracking, result, now_s, now_s - t_start_s, repeated=self._still.repeats)
 
     def _track(self, frame: Frame, asked: _Selection | None) -> TrackResult | None:
         if asked is not None:

@@ -16,6 +16,12 @@ def _more(world: World, counter: str, least: int) -> Happened:
     return lambda: getattr(world.eyes, counter) - before >= least
 
 
+def _after_those_under_way(world: World) -> None:
+    """The fault counts from the last good picture."""
+    under_way_s = world.eyes.glass_s + world.eyes.track_s
+    world.loop.call_later(under_way_s, lambda: world.caused(world.loop.time()))
+
+
 def video_lost(world: World) -> Happened:
     """No picture comes any more, not even those under way."""
     delivered = world.eyes.delivered
@@ -33,6 +39,7 @@ def video_still(world: World) -> Happened:
 def pictures_old(world: World) -> Happened:
     """A buffer somewhere has filled up: every picture half a second to two seconds old."""
     world.eyes.buffered_s = world.random.uniform(0.5, 2.0)
+    _after_those_under_way(world)
     return _more(world, "delivered", 5)
 
 
@@ -47,6 +54,19 @@ def drift_away(world: World) -> Happened:
 
     world.eyes.distort = slide
     return lambda: bool(shifts) and shifts[-1] > 30.0
+
+
+def box_jumps_back(world: World) -> Happened:
+    """Every fourth box sits somewhere else."""
+    jump = world.random.choice((-1.0, 1.0)) * world.random.uniform(150.0, 280.0)
+    boxes: list[float] = []
+
+    def move(box: Box, now_s: float) -> Box:
+        boxes.append(now_s)
+        return replace(box, cx_px=box.cx_px + jump) if len(boxes) % 4 == 0 else box
+
+    world.eyes.distort = move
+    return lambda: len(boxes) > 8
 
 
 def box_jumps(world: World) -> Happened:
@@ -146,15 +166,14 @@ def target_comes(world: World) -> Happened:
     world.target.speed_mps = world.random.uniform(3.0, 6.0)
     start_m = math.hypot(north, east)
     nearest = [start_m]
-    world.hooks.append(lambda now_s: nearest.append(min(nearest[-1], _ground_m(world))))
+    world.hooks.append(lambda now_s: nearest.append(min(nearest[-1], math.hypot(*_away(world)))))
     return lambda: nearest[-1] < start_m - 3.0
 
 
-def _ground_m(world: World) -> float:
-    north, east, _ = (
-        t - p for t, p in zip(world.target.position_ned_m, world.vehicle.pose().position_ned_m, strict=True)
-    )
-    return math.hypot(north, east)
+def _away(world: World) -> tuple[float, float]:
+    """From the vehicle to the target, m north and east."""
+    here, there = world.vehicle.pose().position_ned_m, world.target.position_ned_m
+    return there[0] - here[0], there[1] - here[1]
 
 
 def pictures_broken(world: World) -> Happened:
@@ -183,5 +202,6 @@ def tracker_fails(world: World) -> Happened:
 
 def tracker_slow(world: World) -> Happened:
     """Two seconds for a picture."""
+    _after_those_under_way(world)
     world.eyes.track_s = world.random.uniform(0.6, 2.0)
     return _more(world, "delivered", 3)
