@@ -62,6 +62,8 @@ class VehiclePin:
 
     def _note(self, heard: VehicleId, now_s: float, where: str = "") -> None:
         name = f"{heard}{where}"
+        if len(self._others) >= _OTHERS:
+            self._others = {other: t_s for other, t_s in self._others.items() if now_s - t_s <= _FORGET_S}
         if name in self._others or len(self._others) < _OTHERS:
             self._others[name] = now_s
 

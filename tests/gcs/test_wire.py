@@ -8,6 +8,7 @@ import time
 import pytest
 from pymavlink.dialects.v20 import development as mav
 
+from control.types import VehicleMode
 from gcs import codec
 from gcs.clock import FakeClock, MonotonicClock
 from gcs.framing import Encoder
@@ -77,6 +78,19 @@ async def test_staleness_bound_is_exact():
     finally:
         await wire.close()
         peer.close()
+
+
+async def test_a_command_decided_before_a_stall_does_not_leave_after_it(link):
+    wire, peer = link
+    decided_s = time.monotonic()
+    command = codec.set_mode(wire.vehicle, VehicleMode.HOLD, armed=True)
+    asyncio.get_running_loop().call_soon(wire.send_message, command, decided_s)
+    time.sleep(0.15)
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert wire.counters.stale == 1
+    assert wire.send_message(command, time.monotonic())
+    assert len(await got(peer, "COMMAND_LONG")) == 1
 
 
 async def test_the_whole_backlog_is_read_before_anything_acts_on_it(link):

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
 import socket
+import subprocess
+import time
 
 import pytest
 from pymavlink.dialects.v20 import development as mav
 
 from gcs.clock import FakeClock
 from gcs.errors import VehicleError, WireError
+from gcs.framing import Deframer
+from gcs.pinning import VehiclePin
 from gcs.wire import PEER_SILENCE_S, Wire
 from tests.gcs.wire_peer import Peer, eventually, free_port, got, heartbeat
 
@@ -96,3 +103,80 @@ async def test_no_vehicle_is_one_clear_error(say, reason):
     finally:
         await wire.close()
         peer.close()
+
+
+@pytest.mark.parametrize("option", [None, socket.SO_REUSEADDR, socket.SO_REUSEPORT])
+async def test_a_port_held_by_another_program_says_how_to_find_it(option):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        if option is not None:
+            holder.setsockopt(socket.SOL_SOCKET, option, 1)
+        holder.bind(("127.0.0.1", 0))
+        port = holder.getsockname()[1]
+        with pytest.raises(WireError, match=rf"UDP port {port} is in use.*shows by whom$") as caught:
+            await Wire.open(f"udpin://127.0.0.1:{port}")
+        if (command := re.search(r"`(ss .*)`", str(caught.value))) and shutil.which("ss"):
+            found = subprocess.run(command[1].split(), capture_output=True, text=True, check=True)
+            assert f"pid={os.getpid()}" in found.stdout  # what the line tells people to run does tell them
+
+
+@pytest.mark.parametrize("option", [None, socket.SO_REUSEADDR, socket.SO_REUSEPORT])
+async def test_our_port_cannot_be_shared(link, option):
+    wire, _ = link
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second:
+        if option is not None:
+            second.setsockopt(socket.SOL_SOCKET, option, 1)
+        with pytest.raises(OSError, match="in use"):
+            second.bind(("127.0.0.1", int(wire.url.rpartition(":")[2])))
+
+
+async def test_a_port_that_is_not_ours_to_open_is_not_called_taken():
+    with pytest.raises(WireError, match=r"udpin://192\.0\.2\.1:14540: Cannot assign requested address$"):
+        await Wire.open("udpin://192.0.2.1:14540")
+
+
+async def test_a_second_vehicle_at_another_address_is_ignored_and_named(link):
+    wire, _ = link
+    second, ignored = Peer(int(wire.url.rpartition(":")[2]), system_id=7), wire.counters.foreign_datagrams
+    try:
+        seen = []
+        wire.subscribe(lambda message, t_s: seen.append(message.get_srcSystem()))
+        second.send(heartbeat(autopilot=3))
+        await eventually(lambda: wire.counters.foreign_datagrams > ignored)
+        address = "{}:{}".format(*second.sock.getsockname())
+        assert wire.other_vehicles(time.monotonic()) == (f"ArduCopter (system 7) at {address}",)
+        assert wire.other_vehicles(time.monotonic() + 6.0) == ()
+        assert seen == []
+    finally:
+        second.close()
+
+
+async def test_a_second_vehicle_behind_the_same_router_is_named(link):
+    wire, peer = link
+    second = mav.MAVLink(None, srcSystem=2, srcComponent=1)
+    peer.send_bytes(heartbeat(autopilot=3).pack(second))
+    await eventually(lambda: wire.other_vehicles(time.monotonic()) == ("ArduCopter (system 2)",))
+    assert wire.vehicle.system_id == 1
+
+
+async def test_another_autopilot_under_the_vehicles_ids_is_not_believed(link):
+    wire, peer = link
+    seen = []
+    wire.subscribe(lambda message, t_s: seen.append(message.autopilot))
+    peer.send(heartbeat(autopilot=3, custom_mode=4))  # would read as another mode
+    peer.send(mav.MAVLink_heartbeat_message(1, 12, 0x91, 0, 4, 3))  # nor an aeroplane
+    peer.send(heartbeat())
+    await eventually(lambda: seen)
+    assert seen == [12]
+    assert wire.other_vehicles(time.monotonic()) == ("ArduCopter (system 1)",)
+
+
+def test_the_names_of_others_are_bounded():
+    pin = VehiclePin(None)
+    deframer, packers = Deframer(), [mav.MAVLink(None, srcSystem=n, srcComponent=1) for n in range(1, 100)]
+    for n, packer in enumerate(packers):
+        pin.is_ours(deframer.datagram(heartbeat().pack(packer))[0], n * 0.01)
+    assert pin.vehicle.system_id == 1
+    assert len(pin.others(1.0)) == 16
+    assert pin.others(200.0) == ()
+    pin.is_ours(deframer.datagram(heartbeat().pack(packers[50]))[0], 200.0)
+    assert pin.others(200.0) == ("PX4 (system 51)",)  # those long gone make room
