@@ -1,80 +1,15 @@
-"""The state machine: its story tick by tick, and what holds in every state for every combination of flags."""
+"""The state machine's story, tick by tick."""
 
-import copy
-import itertools
 import math
-from dataclasses import replace
 
 import pytest
 
 from control.config import EngagementConfig
-from control.engagement import Action, Cause, Engagement, Inputs, State
+from control.engagement import Action, Cause, Engagement, State
 from control.preflight import refusals
-from control.types import VehicleMode, VehicleState
+from control.types import VehicleMode
 
-CONFIG = EngagementConfig()
-TICK = 0.05
-
-
-def healthy(now, mode=VehicleMode.EXTERNAL, **changes):
-    """Everything green at this moment."""
-    vehicle = VehicleState(
-        heartbeat_t_s=now, mode=mode, mode_t_s=now, armed=True, in_air=True, attitude_t_s=now, position_t_s=now,
-        height_m=10.0, battery_frac=0.8,
-    )  # fmt: skip
-    vehicle_changes = {k: changes.pop(k) for k in list(changes) if k in VehicleState.__dataclass_fields__}
-    inputs = Inputs(
-        vehicle=replace(vehicle, **vehicle_changes), frame_t_s=now, selected=True, measured_t_s=now, confidence=0.9,
-        latency_s=0.15, attitude_rate_hz=50.0, request_t_s=now,
-    )  # fmt: skip
-    return replace(inputs, **changes)
-
-
-class Story:
-    """An engagement with a clock."""
-
-    def __init__(self):
-        self.machine, self.now, self.out = Engagement(CONFIG), 100.0, None
-
-    def tick(self, mode=VehicleMode.EXTERNAL, dt=TICK, **changes):
-        self.now += dt
-        self.out = self.machine.update(self.now, healthy(self.now, mode, **changes))
-        return self.out
-
-    def follow(self):
-        """Select, confirm, and be followed by a vehicle that takes up the mode."""
-        self.tick(VehicleMode.HOLD)
-        self.tick(VehicleMode.HOLD, confirm=True)
-        self.tick()
-        assert self.out.state is State.FOLLOWING
-        return self
-
-    def reach(self, state):
-        """Walk to a state the ordinary way."""
-        unseen = {"measured_t_s": self.now}
-        if state is State.NO_VIDEO:
-            self.tick(VehicleMode.HOLD, frame_t_s=None, selected=False)
-        elif state is State.IDLE:
-            self.tick(VehicleMode.HOLD, selected=False)
-        elif state is State.SELECTED:
-            self.tick(VehicleMode.HOLD)
-        else:
-            self.follow()
-            unseen = {"measured_t_s": self.now}
-            if state is State.COASTING:
-                self.ticks(8, **unseen)
-            elif state is State.LOST_HOLD:
-                self.ticks(22, **unseen)
-            elif state is State.RELEASED:
-                self.tick(abort=True)
-                self.ticks(12, mode=VehicleMode.HOLD)
-            elif state is State.TAKEN_OVER:
-                self.tick(VehicleMode.MANUAL)
-        assert self.out.state is state
-        return self
-
-    def ticks(self, count, **changes):
-        return [self.tick(**changes) for _ in range(count)]
+from .engagement_story import CONFIG, TICK, Story, healthy
 
 
 def test_selecting_moves_nothing_and_confirming_starts():
@@ -129,6 +64,10 @@ def test_a_refusal_lists_every_reason():
         ({"battery_frac": 0.29}, Cause.BATTERY),
         ({"outside_fence": True}, Cause.OUTSIDE_FENCE),
         ({"audit_ok": False}, Cause.AUDIT),
+        ({"late_t_s": 100.0}, Cause.OWN_LAG),
+        ({"camera_wrong": True}, Cause.CAMERA_WRONG),
+        ({"echo_lost": True}, Cause.ECHO_LOST),
+        ({"foreign_setpoints": True}, Cause.FOREIGN_SETPOINTS),
     ],
 )
 def test_each_reason_alone_refuses(change, cause):
@@ -239,37 +178,6 @@ def test_disagreement_and_old_pictures_count_as_unseen(change):
     assert states == {State.COASTING, State.LOST_HOLD, State.RELEASED}
 
 
-@pytest.mark.parametrize("state", [State.FOLLOWING, State.COASTING, State.LOST_HOLD])
-@pytest.mark.parametrize(
-    ("change", "end", "cause"),
-    [
-        ({"abort": True}, State.RELEASED, Cause.ABORT),
-        ({"heartbeat_t_s": 0.0}, State.RELEASED, Cause.LINK_LOST),
-        ({"mode_t_s": 0.0}, State.RELEASED, Cause.LINK_LOST),
-        ({"attitude_t_s": 0.0}, State.RELEASED, Cause.TELEMETRY_STALE),
-        ({"position_t_s": None}, State.RELEASED, Cause.TELEMETRY_STALE),
-        ({"outside_fence": True}, State.RELEASED, Cause.OUTSIDE_FENCE),
-        ({"dt": 0.21}, State.RELEASED, Cause.OWN_GAP),
-        ({"dt": -0.01}, State.RELEASED, Cause.OWN_GAP),
-        ({"mode": VehicleMode.MANUAL}, State.TAKEN_OVER, Cause.MODE_CHANGED),
-        ({"mode": VehicleMode.HOLD}, State.TAKEN_OVER, Cause.MODE_CHANGED),
-        ({"mode": VehicleMode.RETURN}, State.TAKEN_OVER, Cause.MODE_CHANGED),
-        ({"armed": False}, State.TAKEN_OVER, Cause.NOT_ARMED),
-        ({"failsafe": True}, State.TAKEN_OVER, Cause.FAILSAFE),
-    ],
-)
-def test_what_ends_a_follow(state, change, end, cause):
-    story = Story()
-    if state is State.FOLLOWING:
-        story.follow()
-    else:
-        story.reach(state)
-    out = story.tick(**change)
-    assert (out.state, out.reasons) == (end, (cause,))
-    assert out.action is (Action.COMMAND_HOLD if end is State.RELEASED else Action.SILENCE)
-    assert out.velocity_factor == 0.0
-
-
 def test_stalled_requests_release_after_a_second():
     story = Story().follow()
     asked = story.now
@@ -342,74 +250,3 @@ def test_abort_beats_confirm():
     story = Story().reach(State.SELECTED)
     out = story.tick(VehicleMode.HOLD, abort=True, confirm=True)
     assert (out.action, out.engaging) == (Action.NONE, False)
-
-
-FLAGS = (
-    {"mode": VehicleMode.HOLD}, {"mode": VehicleMode.MANUAL}, {"armed": False}, {"failsafe": True},
-    {"heartbeat_t_s": 0.0}, {"position_t_s": 0.0}, {"measured_t_s": 0.0}, {"frame_t_s": 0.0}, {"selected": False},
-    {"outside_fence": True}, {"latency_s": 0.5}, {"abort": True}, {"confirm": True}, {"select": True},
-    {"acknowledge": True}, {"dt": 0.3},
-)  # fmt: skip
-MOVING = (State.FOLLOWING, State.COASTING)
-
-
-@pytest.mark.parametrize("start", list(State))
-def test_every_state_with_every_set_of_flags(start):
-    """8 states x all sets of at most four of 16 flags, and all of them: no forbidden output, no forbidden step."""
-    sets = [s for k in range(5) for s in itertools.combinations(FLAGS, k)] + [FLAGS]
-    prepared = Story()
-    prepared.follow() if start is State.FOLLOWING else prepared.reach(start)
-    for flags in sets:
-        story = copy.copy(prepared)
-        story.machine = copy.copy(prepared.machine)  # flat: a shallow copy is a life of its own
-        changes = {}
-        for flag in flags:
-            changes.update(flag)
-        out = story.tick(**changes)
-        check_step(start, changes, out)
-
-
-def check_step(start, changes, out):
-    mode = changes.get("mode", VehicleMode.EXTERNAL)
-    engaged = start in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
-    stopped = {"failsafe", "heartbeat_t_s", "position_t_s", "outside_fence", "abort"} & set(changes)
-    stopped |= {"dt"} & set(changes) if engaged else set()
-    ours = mode is VehicleMode.EXTERNAL and "armed" not in changes
-    assert out.action is not Action.SEND_REQUEST or (out.state in MOVING and ours and not stopped)
-    assert out.velocity_factor == 0.0 or out.action is Action.SEND_REQUEST
-    assert 0.0 <= out.velocity_factor <= 1.0
-    if out.state in (*MOVING, State.LOST_HOLD):
-        assert engaged or ("confirm" in changes and start in (State.IDLE, State.SELECTED, State.NO_VIDEO))
-    if start is State.TAKEN_OVER and out.state is not State.TAKEN_OVER:
-        assert "acknowledge" in changes or ("abort" in changes and mode is VehicleMode.EXTERNAL)
-    if start is State.RELEASED and out.state is not State.RELEASED:
-        assert {"acknowledge", "select"} & set(changes)
-    if mode is VehicleMode.MANUAL:
-        assert out.action in (Action.NONE, Action.SILENCE) or out.state is State.RELEASED
-        assert out.action is not Action.COMMAND_HOLD
-    if out.state is State.FOLLOWING:
-        assert "measured_t_s" not in changes
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_random_lives_never_move_without_a_confirmation(seed):
-    import random
-
-    rng = random.Random(seed)
-    story, confirmed = Story(), False
-    moved = 0
-    for _ in range(5000):
-        changes = {}
-        for flag in FLAGS:
-            if rng.random() < 0.02:
-                changes.update(flag)
-        changes["confirm"] = rng.random() < 0.1
-        changes["acknowledge"] = rng.random() < 0.1
-        out = story.tick(**changes)
-        confirmed = confirmed or changes["confirm"]
-        if out.state in (State.RELEASED, State.TAKEN_OVER, State.IDLE, State.NO_VIDEO, State.SELECTED):
-            confirmed = out.engaging
-        if out.action is Action.SEND_REQUEST:
-            assert confirmed, f"seed {seed} at {story.now}"
-            moved += 1
-    assert moved > 100
