@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot, Failsafe
-from sitl_mocks.vehicle.flight import Behaviour, Speeds
+from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot, Failsafe, battery_volts
+from sitl_mocks.vehicle.flight import Behaviour, Speeds, Sticks
 from sitl_mocks.vehicle.modes import ARDUPILOT_NUMBERS, Mode, Personality, Result, Severity
 from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
 
 _MODE_OF = {number: mode for mode, number in ARDUPILOT_NUMBERS.items()}
 _ACCEPTED_WITHOUT_EFFECT = frozenset({115, 178, 192, 207, 510, 520})
+_LOW_THROTTLE = -0.1
 _DISARM_AFTER_LANDING_S = 1.0
 
 
@@ -125,6 +126,8 @@ class ArduPilot(Autopilot):
             self.taking_off = False
         self._watch_gcs(now_s)
         self._watch_fence(now_s)
+        self._watch_estimator(now_s)
+        self._watch_battery(now_s)
         if self.armed and not self.flight.flying:
             self._disarm_on_ground(now_s)
 
@@ -158,6 +161,28 @@ class ArduPilot(Autopilot):
                 self.failsafe = None
         self.outside_fence = outside
 
+    def _watch_estimator(self, now_s: float) -> None:
+        if self.position_valid:
+            if self.failsafe is Failsafe.POSITION_LOST:
+                self.failsafe = None
+                self.say(Severity.WARNING, "EKF Failsafe Cleared")
+            return
+        blind = self.mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND)
+        if self.armed and self.failsafe is not Failsafe.POSITION_LOST and blind:
+            self.say(Severity.CRITICAL, "EKF Failsafe")
+            mode = {1: Mode.LAND, 2: Mode.ALTITUDE, 3: Mode.LAND}.get(int(self.params["FS_EKF_ACTION"]))
+            if mode is not None:
+                self._act(Failsafe.POSITION_LOST, mode, now_s)
+
+    def _watch_battery(self, now_s: float) -> None:
+        mode = {1: Mode.LAND, 2: Mode.RETURN}.get(int(self.params["BATT_FS_LOW_ACT"]))
+        volts = battery_volts(self.battery_frac)
+        if mode is None or not self.armed or volts >= self.params["BATT_LOW_VOLT"]:
+            return
+        if self.mode not in (mode, Mode.LAND):
+            self.say(Severity.WARNING, f"Battery 1 is low {volts:.2f}V used 0 mAh")
+            self._act(Failsafe.BATTERY, mode, now_s)
+
     def _act(self, cause: Failsafe, mode: Mode, now_s: float) -> None:
         self.change_mode(mode)
         self.start_failsafe(cause, mode, now_s)
@@ -172,6 +197,11 @@ class ArduPilot(Autopilot):
             self.do_disarm()
             self.taking_off = False
 
+    def hear_sticks(self, sticks: Sticks, now_s: float) -> None:
+        """Sticks do nothing in GUIDED; in the pilot's modes the throttle decides between holding and sinking."""
+        self.sticks_present, self.sticks_t_s, self.flight.sticks = True, now_s, sticks
+        self.throttle_stick_low = sticks.up < _LOW_THROTTLE
+
     def behaviour(self) -> Behaviour:
         """What the airframe does now; with the throttle stick low the pilot's modes sink."""
         if not self.armed:
@@ -180,18 +210,18 @@ class ArduPilot(Autopilot):
             case Mode.EXTERNAL:
                 return Behaviour.TAKEOFF if self.taking_off else self._guided()
             case Mode.LAND:
-                return Behaviour.LAND
+                return Behaviour.LAND if self.position_valid else Behaviour.DESCEND
             case Mode.RETURN:
                 return Behaviour.RETURN
             case Mode.BRAKE | Mode.MISSION | Mode.TAKEOFF:
                 return Behaviour.HOLD
-        return Behaviour.SINK if self.throttle_stick_low else Behaviour.HOLD
+        return Behaviour.SINK if self.throttle_stick_low else Behaviour.STICKS
 
     def _guided(self) -> Behaviour:
         # Off the ground only a take-off lifts it: a climbing velocity setpoint does nothing before.
         return Behaviour.EXTERNAL if self.flight.flying else Behaviour.HOLD
 
-    def speeds(self) -> Speeds:
+    def make_speeds(self) -> Speeds:
         """Manoeuvre speeds from the parameters (cm/s there)."""
         return Speeds(
             takeoff_mps=self.params["WPNAV_SPEED_UP"] / 100.0,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sitl_mocks.vehicle.flight import Behaviour, Flight, Speeds
+from sitl_mocks.vehicle.flight import Behaviour, Flight, Speeds, Sticks
 from sitl_mocks.vehicle.modes import Mode, Personality, Result, Severity
 from sitl_mocks.vehicle.params import Parameters
 from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
@@ -22,7 +22,15 @@ class Failsafe(Enum):
     SETPOINTS_LOST = "setpoints_lost"
     DATA_LINK = "data_link"
     GEOFENCE = "geofence"
+    STICKS_LOST = "sticks_lost"
+    POSITION_LOST = "position_lost"
+    BATTERY = "battery"
     INJECTED = "injected"
+
+
+def battery_volts(left_frac: float) -> float:
+    """Voltage of a 4-cell pack by what is left of it."""
+    return 13.2 + 3.6 * left_frac
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +60,12 @@ class Autopilot(ABC):
     gcs_heartbeat_t_s: float | None = None
     gcs_lost: bool = False
     outside_fence: bool = False
+    sticks_t_s: float | None = None  # the newest stick message; None = none yet, or a transmitter set by a test
+    position_valid: bool = True  # what the estimator says of its position and velocity
+    battery_frac: float = 1.0
     texts: list[Text] = field(default_factory=list)
+    _speeds: Speeds | None = None
+    _speeds_of: int = -1
 
     @property
     @abstractmethod
@@ -68,12 +81,22 @@ class Autopilot(ABC):
         """Failsafes and timers, once a tick."""
 
     @abstractmethod
-    def behaviour(self) -> Behaviour:
-        """What the airframe does now."""
+    def hear_sticks(self, sticks: Sticks, now_s: float) -> None:
+        """MANUAL_CONTROL or RC channels came in."""
 
     @abstractmethod
-    def speeds(self) -> Speeds:
+    def make_speeds(self) -> Speeds:
         """Manoeuvre speeds from the parameters."""
+
+    def speeds(self) -> Speeds:
+        """Manoeuvre speeds, made anew only when a parameter has changed."""
+        if self._speeds is None or self._speeds_of != self.params.changes:
+            self._speeds, self._speeds_of = self.make_speeds(), self.params.changes
+        return self._speeds
+
+    @abstractmethod
+    def behaviour(self) -> Behaviour:
+        """What the airframe does now."""
 
     @abstractmethod
     def base_mode(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from sitl_mocks.dynamics import (
@@ -23,27 +23,24 @@ from sitl_mocks.monitor import Truth
 from sitl_mocks.vehicle.ardupilot import ArduPilot
 from sitl_mocks.vehicle.autopilot import Autopilot, Failsafe
 from sitl_mocks.vehicle.dispatch import Dispatcher
-from sitl_mocks.vehicle.flight import Flight
-from sitl_mocks.vehicle.link import Outbox, decode_datagram
-from sitl_mocks.vehicle.modes import Landed, Mode, Personality, Result
+from sitl_mocks.vehicle.faults import Faults, without_numbers
+from sitl_mocks.vehicle.flight import Flight, Sticks
+from sitl_mocks.vehicle.link import Outbox
+from sitl_mocks.vehicle.modes import Landed, Mode, Personality
 from sitl_mocks.vehicle.params import Parameters
 from sitl_mocks.vehicle.px4 import Px4
-from sitl_mocks.vehicle.streams import HEARTBEAT, Streams, default_rates_hz, only
+from sitl_mocks.vehicle.second_link import SecondLink
+from sitl_mocks.vehicle.signing import Signing
+from sitl_mocks.vehicle.streams import (
+    GLOBAL_POSITION_INT,
+    HEARTBEAT,
+    LOCAL_POSITION_NED,
+    Streams,
+    default_rates_hz,
+)
 from sitl_mocks.vehicle.telemetry import BUILDERS, Home, View
 
-_UNIX_START_S = 1.79e9
-
-
-@dataclass(slots=True)
-class Faults:
-    """What a test may break, at any time. `refuse` maps a MAV_CMD to its result, None = no answer at all."""
-
-    drop_uplink: float = 0.0  # share of the datagrams to the vehicle that are lost, 1 = all
-    drop_downlink: float = 0.0
-    stopped_streams: set[int] = field(default_factory=set)
-    refuse: dict[int, Result | None] = field(default_factory=dict)
-    frozen: bool = False  # the autopilot's process is stopped: datagrams wait in its socket
-    gps_lost: bool = False
+UNIX_START_S = 1.79e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +60,10 @@ class MockVehicle:
     """PX4 or ArduCopter as seen on the wire. Call `step` often (100-200 Hz), `receive` for each datagram.
 
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
-    rates_hz: replaces the default streams (message id to Hz). ready_after_s: arming is refused that long after
-    the first step.
-    Raises ValueError for an unknown personality or parameter, or a height that is not positive.
+    rates_hz: replaces the default streams (message id to Hz); fewer are cheaper. ready_after_s: arming is refused
+    that long after boot. signing_key: 32 bytes, it then signs and believes only what is signed. unix_start_s: the wall
+    clock at the first step, which signatures are stamped by.
+    Raises ValueError for an unknown personality or parameter, a height that is not positive, or a bad key.
     """
 
     def __init__(
@@ -83,29 +81,45 @@ class MockVehicle:
         disturbance: Disturbance | None = None,
         ready_after_s: float = 0.0,
         battery_frac: float = 1.0,
+        signing_key: bytes | None = None,
+        unix_start_s: float = UNIX_START_S,
         seed: int = 0,
     ) -> None:
         self.personality = Personality(personality)
         self.home = home or Home()
         self.faults = Faults()
         self.battery_frac = battery_frac
-        self._random = random.Random(seed)
+        self.rc_sticks: Sticks | None = None  # a transmitter that is on; None again = out of reach
         self.params = Parameters.defaults(self.personality, parameters or {})
-        px4 = self.personality is Personality.PX4
-        motion = Motion(yaw_rad=yaw_rad)
-        body = Multicopter(airframe or (PX4 if px4 else ARDUPILOT), disturbance or Disturbance(), motion)
-        pilot = Px4 if px4 else ArduPilot
-        self.autopilot: Autopilot = pilot(self.params, Flight(body), ready_after_s=ready_after_s)
-        self.streams = Streams(default_rates_hz(self.personality) if rates_hz is None else rates_hz)
-        self.outbox = Outbox(system_id, component_id, self._random)
-        self._dispatcher = Dispatcher(self)
+        self.signing = Signing(signing_key, self.personality)
+        self._px4 = self.personality is Personality.PX4
+        self._airframe = airframe or (PX4 if self._px4 else ARDUPILOT)
+        self._disturbance = disturbance or Disturbance()
+        self._ready_after_s = ready_after_s
+        self._rates_hz = default_rates_hz(self.personality) if rates_hz is None else rates_hz
+        self._unix_start_s = unix_start_s
+        self._random = random.Random(seed)
+        self.outbox = Outbox(system_id, component_id, self._random, self.signing, self.faults)
+        self._dispatcher = Dispatcher(self, self.outbox)
+        self._epoch_s: float | None = None  # when the first step was; unix_start_s belongs to it
+        self._power_on(Motion(yaw_rad=yaw_rad))
+        if airborne_m is not None:
+            self._start_airborne(airborne_m)
+
+    def _power_on(self, motion: Motion) -> None:
+        pilot = Px4 if self._px4 else ArduPilot
+        flight = Flight(Multicopter(self._airframe, self._disturbance, motion))
+        self.autopilot: Autopilot = pilot(self.params, flight, ready_after_s=self._ready_after_s)
+        self.streams = Streams(self._rates_hz)
+        self.outbox.restart()
         self._start_s: float | None = None
+        self._silent_until_s = -math.inf
         self._ticks = 0
         self._waiting: list[bytes] = []
         self._announced = self.autopilot.mode
         self._was_frozen = False
-        if airborne_m is not None:
-            self._start_airborne(airborne_m)
+        self._gps_lost_t_s: float | None = None
+        self._stale: dict[int, Any] = {}
 
     def _start_airborne(self, height_m: float) -> None:
         if not height_m > 0.0:
@@ -115,15 +129,26 @@ class MockVehicle:
         flight.body.motion.on_ground = False
         flight.landed, flight.armed_t_s = Landed.IN_AIR, -math.inf
         self.autopilot.armed = self.autopilot.ready = True
-        hover = Mode.HOLD if self.personality is Personality.PX4 else Mode.BRAKE
+        hover = Mode.HOLD if self._px4 else Mode.BRAKE
         self._announced = hover
         self.autopilot.change_mode(hover)
+
+    def reboot(self, now_s: float, silent_s: float = 2.0) -> None:
+        """Restart the autopilot at now_s: disarmed on the ground below, everything asked for is forgotten.
+
+        Parameters and the signing time stamp survive. Silent for silent_s (s), then the clock of its boot is at zero.
+        """
+        motion = self.autopilot.flight.body.motion
+        north, east, _ = motion.position_ned_m
+        self._power_on(Motion((north, east, 0.0), yaw_rad=motion.yaw_rad))
+        self._silent_until_s = now_s + silent_s
 
     # -- time and datagrams -------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> list[bytes]:
         """Advance to now_s (s, any monotonic clock) and return the datagrams to be sent."""
-        self._boot(now_s)
+        if not self._boot(now_s):
+            return []
         if self.faults.frozen:
             self._was_frozen = True
             return []
@@ -136,11 +161,12 @@ class MockVehicle:
         while self._now_s + TICK_S <= now_s + 1e-9:
             self._ticks += 1
             self._tick(self._now_s)
-        return self.outbox.flush(now_s, self.faults.drop_downlink)
+        return self.outbox.flush(now_s, self.unix_s(now_s))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take one datagram that arrived at now_s; returns what the vehicle answers at once."""
-        self._boot(now_s)
+        if not self._boot(now_s):
+            return []
         lost = self.faults.drop_uplink > 0.0 and self._random.random() < self.faults.drop_uplink
         if lost:
             return []
@@ -148,13 +174,27 @@ class MockVehicle:
             self._waiting.append(datagram)
             return []
         self._dispatch(datagram, now_s)
-        self._announce(now_s)
-        return self.outbox.flush(now_s, self.faults.drop_downlink)
+        self.announce(now_s)
+        return self.outbox.flush(now_s, self.unix_s(now_s))
 
-    def _boot(self, now_s: float) -> None:
-        if self._start_s is None:
-            self._start_s = now_s
-            self.autopilot.boot(now_s)
+    def second_link(self, *, forwarded: bool = False) -> SecondLink:
+        """Another way in, for another ground station; forwarded: heard on the first link too."""
+        return SecondLink(self, forwarded=forwarded)
+
+    def unix_s(self, now_s: float) -> float:
+        """The vehicle's wall clock."""
+        return self._unix_start_s + now_s - (now_s if self._epoch_s is None else self._epoch_s)
+
+    def _boot(self, now_s: float) -> bool:
+        """Whether it is running; the first time it is, its boot clock starts."""
+        if self._start_s is not None:
+            return True
+        if now_s < self._silent_until_s:
+            return False
+        self._epoch_s = now_s if self._epoch_s is None else self._epoch_s
+        self._start_s = now_s
+        self.autopilot.boot(now_s)
+        return True
 
     @property
     def _now_s(self) -> float:
@@ -165,21 +205,50 @@ class MockVehicle:
         return 0.0 if self._start_s is None else self._start_s
 
     def _dispatch(self, datagram: bytes, now_s: float) -> None:
-        for message in decode_datagram(datagram):
+        for message in self.outbox.read(datagram):
             self._dispatcher.handle(message, now_s)
 
     def _tick(self, now_s: float) -> None:
         pilot = self.autopilot
+        self._sense(now_s)
         pilot.watch(now_s)
         pilot.flight.tick(pilot.behaviour(), now_s, pilot.speeds())
-        self._announce(now_s)
-        numbers = only(self.streams.due(now_s), self.faults.stopped_streams)
-        if numbers:
+        self.announce(now_s)
+        due = self.streams.due(now_s)
+        if due:
             view = self.view(now_s)
-            for number in numbers:
-                self.outbox.put(BUILDERS[number](view), now_s)
+            for number in due:
+                if number not in self.faults.stopped_streams and self._can_tell(number):
+                    self.outbox.put(self._message(number, view), now_s)
 
-    def _announce(self, now_s: float) -> None:
+    def _sense(self, now_s: float) -> None:
+        """What the autopilot learns from outside: position, battery, the transmitter."""
+        pilot = self.autopilot
+        pilot.battery_frac = self.battery_frac
+        if not self.faults.gps_lost:
+            self._gps_lost_t_s = None
+        elif self._gps_lost_t_s is None:
+            self._gps_lost_t_s = now_s
+        lost_t_s = self._gps_lost_t_s
+        pilot.position_valid = lost_t_s is None or now_s - lost_t_s < self.faults.dead_reckoning_s
+        if self.rc_sticks is not None:
+            pilot.hear_sticks(self.rc_sticks, now_s)
+
+    def _can_tell(self, number: int) -> bool:
+        """An invalid position is not sent; ArduCopter goes on with the global one."""
+        if self.autopilot.position_valid:
+            return True
+        return number != LOCAL_POSITION_NED and not (self._px4 and number == GLOBAL_POSITION_INT)
+
+    def _message(self, number: int, view: View) -> Any:
+        faults = self.faults
+        if number in faults.stale_streams and number in self._stale:
+            return self._stale[number]
+        message = BUILDERS[number](view)
+        self._stale[number] = message
+        return without_numbers(message) if number in faults.nan_streams else message
+
+    def announce(self, now_s: float) -> None:
         """What goes out on an event: texts, and ArduCopter's heartbeat on a mode change."""
         pilot = self.autopilot
         for text in pilot.texts:
@@ -187,7 +256,7 @@ class MockVehicle:
         pilot.texts.clear()
         if pilot.mode is not self._announced:
             self._announced = pilot.mode
-            if self.personality is Personality.ARDUPILOT and HEARTBEAT not in self.faults.stopped_streams:
+            if not self._px4 and HEARTBEAT not in self.faults.stopped_streams:
                 self.outbox.put(BUILDERS[HEARTBEAT](self.view(now_s)), now_s)
 
     # -- what a test or a simulator sees and does -----------------------------------------------------------
@@ -195,8 +264,7 @@ class MockVehicle:
     def view(self, now_s: float) -> View:
         """The state the telemetry messages are built from."""
         boot_s = now_s - self._boot_s
-        gps_ok = not self.faults.gps_lost
-        return View(self.autopilot, self.home, boot_s, self.battery_frac, gps_ok, _UNIX_START_S + boot_s)
+        return View(self.autopilot, self.home, boot_s, self.unix_s(now_s), self.faults)
 
     def pose(self) -> Pose:
         """The true pose at the newest tick, for the camera."""

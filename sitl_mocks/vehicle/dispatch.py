@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.vehicle.autopilot import GCS_TYPE
+from sitl_mocks.vehicle.flight import Sticks
+from sitl_mocks.vehicle.link import Outbox
 from sitl_mocks.vehicle.modes import Personality, Result, Severity
 from sitl_mocks.vehicle.setpoints import BadSetpointError, parse_setpoint
 from sitl_mocks.vehicle.streams import AUTOPILOT_VERSION, HEARTBEAT
@@ -31,8 +33,11 @@ _PX4_NEVER_COMES = frozenset({300, 397})
 class Dispatcher:
     """Routes messages by type. What is addressed to someone else, or unknown, gets no answer at all."""
 
-    def __init__(self, vehicle: MockVehicle) -> None:
+    def __init__(self, vehicle: MockVehicle, outbox: Outbox, also: Outbox | None = None) -> None:
+        """outbox: where answers go. also: where COMMAND_ACKs are repeated."""
         self._vehicle = vehicle
+        self._outbox = outbox
+        self._also = also
         self._handlers: Mapping[str, Callable[[Any, float], None]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command_long,
@@ -43,6 +48,8 @@ class Dispatcher:
             "PARAM_SET": self._param_set,
             "PING": self._ping,
             "TIMESYNC": self._timesync,
+            "MANUAL_CONTROL": self._manual_control,
+            "RC_CHANNELS_OVERRIDE": self._rc_override,
         }
 
     def handle(self, message: Any, now_s: float) -> None:
@@ -56,11 +63,10 @@ class Dispatcher:
         return self._vehicle.personality is Personality.PX4
 
     def _for_us(self, message: Any) -> bool:
-        outbox = self._vehicle.outbox
-        if message.target_system not in (0, outbox.system_id):
+        if message.target_system not in (0, self._outbox.system_id):
             return False
         # ArduCopter executes what is addressed to components that do not exist.
-        return not self._px4 or message.target_component in (0, outbox.component_id)
+        return not self._px4 or message.target_component in (0, self._outbox.component_id)
 
     # -- commands -----------------------------------------------------------------------------------------
 
@@ -75,9 +81,12 @@ class Dispatcher:
     def _command(self, message: Any, params: Sequence[float], now_s: float) -> None:
         if not self._for_us(message):
             return
-        refuse = self._vehicle.faults.refuse
-        if message.command in refuse:
-            result = refuse[message.command]
+        faults = self._vehicle.faults
+        result: Result | None
+        if message.command in faults.accept_without_effect:
+            result = Result.ACCEPTED
+        elif message.command in faults.refuse:
+            result = faults.refuse[message.command]
             if self._px4 and result is Result.TEMPORARILY_REJECTED:
                 self._vehicle.autopilot.say(Severity.CRITICAL, "Command refused by the test\t")
         elif message.command == SET_MESSAGE_INTERVAL:
@@ -90,11 +99,13 @@ class Dispatcher:
             self._acknowledge(message, result, now_s)
 
     def _acknowledge(self, message: Any, result: Result, now_s: float) -> None:
-        outbox = self._vehicle.outbox
         ack = mavlink.MAVLink_command_ack_message(
             message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
         )
-        outbox.put(ack, outbox.answer_time_s(now_s))
+        due_s = self._outbox.answer_time_s(now_s)
+        self._outbox.put(ack, due_s)
+        if self._also is not None:
+            self._also.put(ack, due_s)
 
     def _set_interval(self, params: Sequence[float], now_s: float) -> Result:
         number, interval_us = (-1 if not math.isfinite(p) else round(p) for p in params[:2])
@@ -112,8 +123,7 @@ class Dispatcher:
     def _request_message(self, number: float, now_s: float) -> Result:
         wanted = round(number) if math.isfinite(number) else -1
         if wanted in BUILDERS:
-            outbox = self._vehicle.outbox
-            outbox.put(self._vehicle.message(wanted, now_s), outbox.answer_time_s(now_s))
+            self._outbox.put(self._vehicle.message(wanted, now_s), self._outbox.answer_time_s(now_s))
             return Result.ACCEPTED
         if self._px4:
             return Result.ACCEPTED if wanted in _PX4_NEVER_COMES else Result.DENIED
@@ -138,12 +148,31 @@ class Dispatcher:
     def _ping(self, message: Any, now_s: float) -> None:
         if message.target_system == 0 and self._px4:
             sender = message.get_srcSystem(), message.get_srcComponent()
-            self._vehicle.outbox.put(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender), now_s)
+            self._outbox.put(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender), now_s)
 
     def _timesync(self, message: Any, now_s: float) -> None:
         if message.tc1 == 0:
             boot_ns = round(self._vehicle.view(now_s).boot_s * 1e9)
-            self._vehicle.outbox.put(mavlink.MAVLink_timesync_message(boot_ns, message.ts1), now_s)
+            self._outbox.put(mavlink.MAVLink_timesync_message(boot_ns, message.ts1), now_s)
+
+    # -- sticks ---------------------------------------------------------------------------------------------
+
+    def _manual_control(self, message: Any, now_s: float) -> None:
+        if message.target == self._outbox.system_id:
+            axes = (message.x / 1000, message.y / 1000, (message.z - 500) / 500, message.r / 1000)
+            self._sticks(message, axes, now_s)
+
+    def _rc_override(self, message: Any, now_s: float) -> None:
+        if message.target_system != self._outbox.system_id:
+            return
+        channels = (message.chan2_raw, message.chan1_raw, message.chan3_raw, message.chan4_raw)
+        forward, right, up, clockwise = (0.0 if c in (0, 65535) else (c - 1500) / 500 for c in channels)
+        self._sticks(message, (-forward, right, up, clockwise), now_s)
+
+    def _sticks(self, message: Any, axes: tuple[float, float, float, float], now_s: float) -> None:
+        pilot = self._vehicle.autopilot
+        if self._px4 or pilot.counts_as_gcs(message.get_srcSystem()):  # ArduCopter takes sticks from its own station
+            pilot.hear_sticks(Sticks(*(max(-1.0, min(1.0, axis)) for axis in axes)), now_s)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
@@ -153,23 +182,27 @@ class Dispatcher:
             name = names[message.param_index] if message.param_index < len(names) else ""
         else:
             name = message.param_id
-        if self._for_us(message) and name in self._vehicle.params:
-            self._send_param(name, self._vehicle.outbox.answer_time_s(now_s))
+        if self._for_us(message) and self._answers_for(name):
+            self._send_param(name, self._outbox.answer_time_s(now_s))
+
+    def _answers_for(self, name: str) -> bool:
+        return name in self._vehicle.params and name not in self._vehicle.faults.silent_parameters
 
     def _param_list(self, message: Any, now_s: float) -> None:
         if not self._for_us(message):
             return
         for index, name in enumerate(self._vehicle.params.names()):
-            self._send_param(name, now_s + (index + 1) * _PARAM_SPACING_S)
+            if self._answers_for(name):
+                self._send_param(name, now_s + (index + 1) * _PARAM_SPACING_S)
 
     def _param_set(self, message: Any, now_s: float) -> None:
-        if not self._for_us(message) or message.param_id not in self._vehicle.params:
+        if not self._for_us(message) or not self._answers_for(message.param_id):
             return
         self._vehicle.params.set_from_wire(message.param_id, message.param_value, message.param_type)
-        self._send_param(message.param_id, self._vehicle.outbox.answer_time_s(now_s))
+        self._send_param(message.param_id, self._outbox.answer_time_s(now_s))
 
     def _send_param(self, name: str, due_s: float) -> None:
         value, kind, index = self._vehicle.params.wire_value(name)
         count = len(self._vehicle.params)
         value_message = mavlink.MAVLink_param_value_message(name.encode(), value, kind, count, index)
-        self._vehicle.outbox.put(value_message, due_s)
+        self._outbox.put(value_message, due_s)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import assert_never
 
-from sitl_mocks.dynamics import TICK_S, MotionCommand, Multicopter, Vec3, wrap_pi
+from sitl_mocks.dynamics import TICK_S, MotionCommand, Multicopter, Vec3, body_to_ned, wrap_pi
 from sitl_mocks.vehicle.modes import Landed
 from sitl_mocks.vehicle.setpoints import Setpoint
 
 _HOLD_GAIN_PS = 0.5
 _LOCK_BELOW_MPS = 0.3
+_STICK_DEADZONE = 0.1
 _NAN = math.nan
 
 
@@ -27,6 +28,8 @@ class Behaviour(Enum):
     RETURN = "return"
     COAST_DOWN = "coast_down"  # PX4's Position mode without sticks: drifts on and sinks until it lands
     SINK = "sink"  # ArduCopter's LOITER with the throttle stick low
+    STICKS = "sticks"  # the pilot flies, velocity by deflection; centred sticks hold
+    DESCEND = "descend"  # down without a position: drifts with what speed there is
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,26 @@ class Speeds:
     spool_up_s: float = 1.0
     coast_sink_mps: float = 0.6
     stick_sink_mps: float = 2.5
+    stick_mps: float = 10.0
+    stick_yaw_rps: float = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class Sticks:
+    """Deflections from -1 to 1: nose down (forward), right, up, clockwise."""
+
+    forward: float = 0.0
+    right: float = 0.0
+    up: float = 0.0
+    clockwise: float = 0.0
+
+    @property
+    def deflection(self) -> float:
+        """The largest one."""
+        return max(abs(self.forward), abs(self.right), abs(self.up), abs(self.clockwise))
+
+
+CENTRED = Sticks()
 
 
 @dataclass(slots=True)
@@ -58,6 +81,7 @@ class Flight:
     hold_ned_m: Vec3 | None = None
     armed_t_s: float | None = None
     landed_t_s: float = 0.0
+    sticks: Sticks = CENTRED
     _contact_s: float = 0.0
 
     @property
@@ -111,7 +135,7 @@ class Flight:
         self._contact_s = 0.0
         if behaviour is Behaviour.TAKEOFF:
             self.landed = Landed.TAKEOFF
-        elif behaviour in (Behaviour.LAND, Behaviour.COAST_DOWN):
+        elif behaviour in (Behaviour.LAND, Behaviour.COAST_DOWN, Behaviour.DESCEND):
             self.landed = Landed.LANDING
         elif self.height_m > 0.1 or self.flying:
             self.landed = Landed.IN_AIR
@@ -134,6 +158,10 @@ class Flight:
                 return MotionCommand((_NAN, _NAN, speeds.coast_sink_mps))
             case Behaviour.SINK:
                 return self._hold(speeds.stick_sink_mps)
+            case Behaviour.STICKS:
+                return self._by_sticks(speeds)
+            case Behaviour.DESCEND:
+                return MotionCommand((_NAN, _NAN, speeds.land_mps))
             case _:
                 assert_never(behaviour)
 
@@ -148,6 +176,15 @@ class Flight:
             self.hold_ned_m = motion.position_ned_m
         north, east, down = self._toward(self.hold_ned_m, 2.0)
         return MotionCommand((north, east, down if down_mps is None else down_mps))
+
+    def _by_sticks(self, speeds: Speeds) -> MotionCommand:
+        sticks, yaw_rad = self.sticks, self.body.motion.yaw_rad
+        if sticks.deflection < _STICK_DEADZONE:
+            return self._hold(None)
+        self.hold_ned_m = None
+        forward, right = speeds.stick_mps * sticks.forward, speeds.stick_mps * sticks.right
+        down = -sticks.up * speeds.climb_mps
+        return MotionCommand(body_to_ned((forward, right, down), yaw_rad), speeds.stick_yaw_rps * sticks.clockwise)
 
     def _toward(self, point_ned_m: Vec3, limit_mps: float) -> Vec3:
         p = self.body.motion.position_ned_m

@@ -35,6 +35,8 @@ class Result(IntEnum):
     DENIED = 2
     UNSUPPORTED = 3
     FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
 
 
 class Landed(IntEnum):

@@ -23,6 +23,7 @@ _PX4_INTS = {
     "NAV_DLL_ACT": 0,
     "NAV_RCL_ACT": 2,
     "GF_ACTION": 2,
+    "CBRK_SUPPLY_CHK": 894281,
     "MAV_SYS_ID": 1,
     "SYS_AUTOSTART": 10040,
 }
@@ -33,6 +34,11 @@ _PX4_FLOATS = {
     "COM_DISARM_PRFLT": 10.0,
     "COM_SPOOLUP_TIME": 1.0,
     "COM_RC_LOSS_T": 0.5,
+    "COM_RC_STICK_OV": 30.0,
+    "BAT_LOW_THR": 0.15,
+    "BAT_CRIT_THR": 0.07,
+    "BAT_EMERGEN_THR": 0.05,
+    "MPC_VEL_MANUAL": 10.0,
     "GF_MAX_HOR_DIST": 0.0,
     "GF_MAX_VER_DIST": 0.0,
     "MIS_TAKEOFF_ALT": 2.5,
@@ -47,10 +53,12 @@ _PX4_FLOATS = {
 }
 _ARDUPILOT_INTS = {
     "ARMING_CHECK": (INT32, 1),
+    "BATT_FS_LOW_ACT": (INT8, 0),
     "FENCE_ACTION": (INT8, 1),
     "FENCE_ENABLE": (INT8, 0),
     "FENCE_TYPE": (INT8, 7),
     "FLTMODE_CH": (INT8, 5),
+    "FS_EKF_ACTION": (INT8, 1),
     "FS_GCS_ENABLE": (INT8, 0),
     "FS_OPTIONS": (INT32, 16),
     "FS_THR_ENABLE": (INT8, 1),
@@ -62,6 +70,7 @@ _ARDUPILOT_INTS = {
     "RTL_ALT": (INT32, 1500),
 }
 _ARDUPILOT_FLOATS = {
+    "BATT_LOW_VOLT": 10.5,
     "DISARM_DELAY": 10.0,
     "FENCE_ALT_MAX": 100.0,
     "FENCE_RADIUS": 300.0,
@@ -108,6 +117,7 @@ class Parameters:
 
     bytewise: bool
     _table: dict[str, tuple[int, float]] = field(default_factory=dict)
+    changes: int = 0  # how often a value was set
 
     @classmethod
     def defaults(cls, personality: Personality, changes: Mapping[str, float]) -> Parameters:
@@ -133,6 +143,7 @@ class Parameters:
         if not math.isfinite(value):
             raise ValueError(f"parameter {name} must be finite, got {value}")
         kind = self._table[name][0]
+        self.changes += 1
         self._table[name] = (kind, float(round(value)) if kind in INTEGER_TYPES else float(value))
 
     def __contains__(self, name: str) -> bool:

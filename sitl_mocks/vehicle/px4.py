@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot, Failsafe
+from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Failsafe
 from sitl_mocks.vehicle.flight import Behaviour, Speeds
 from sitl_mocks.vehicle.modes import (
     AUTO_MODES,
@@ -17,33 +17,24 @@ from sitl_mocks.vehicle.modes import (
     Result,
     Severity,
 )
-from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
+from sitl_mocks.vehicle.px4_failsafes import Px4Failsafes
+from sitl_mocks.vehicle.setpoints import BadSetpointError
 
 _MODE_OF = {number: mode for mode, number in PX4_NUMBERS.items()}
 _MAIN_MODES = frozenset(range(1, 9))
 _ACCEPTED_WITHOUT_EFFECT = frozenset({178, 192, 510, 519, 520})
-# The commander looks at the setpoints' age a few times a second: failsafe and way back come that much later.
-_OFFBOARD_CHECK_S = 0.05
-# Measured: Hold 11.9 s after the last heartbeat with COM_DL_LOSS_T 10.
-_DATA_LINK_EXTRA_S = 1.9
-_OFFBOARD_LOSS_MODES = {
-    0: Mode.POSITION,
-    1: Mode.ALTITUDE,
-    2: Mode.STABILIZE,
-    3: Mode.RETURN,
-    4: Mode.LAND,
-    5: Mode.HOLD,
+_BEHAVIOURS = {
+    Mode.EXTERNAL: Behaviour.EXTERNAL,
+    Mode.TAKEOFF: Behaviour.TAKEOFF,
+    Mode.LAND: Behaviour.LAND,
+    Mode.RETURN: Behaviour.RETURN,
 }
-_MANOEUVRES = frozenset({Mode.TAKEOFF, Mode.LAND, Mode.RETURN})
 _NOT_ARMABLE = "Arming denied: Resolve system health failures first"
 
 
 @dataclass(slots=True)
-class Px4(Autopilot):
+class Px4(Px4Failsafes):
     """PX4. Its heartbeat never comes early, so a mode change shows in CURRENT_MODE first."""
-
-    setpoints_back_t_s: float | None = None
-    mode_after_landing: Mode = Mode.HOLD
 
     @property
     def personality(self) -> Personality:
@@ -87,7 +78,7 @@ class Px4(Autopilot):
         return None
 
     def _armable(self, now_s: float) -> bool:
-        if self.mode is Mode.EXTERNAL and not self._setpoints_fresh(now_s):
+        if self.mode is Mode.EXTERNAL and not self.setpoints_fresh(now_s):
             return False
         return self.ready and not (self.mode in STICK_MODES and not self.sticks_present)
 
@@ -103,7 +94,8 @@ class Px4(Autopilot):
         mode = _MODE_OF.get(main << 16 | (sub << 24 if main == 4 else 0))
         if mode is None:
             return self._reject("Unsupported auto mode") if main == 4 else Result.UNSUPPORTED
-        if mode is Mode.EXTERNAL and self.flight.flying and not self._setpoints_fresh(now_s):
+        blind = not self.position_valid or not self.setpoints_fresh(now_s)
+        if mode is Mode.EXTERNAL and self.flight.flying and blind:
             return self._reject("Switching to Offboard is currently not available")
         if mode in STICK_MODES and self.armed and not self.sticks_present:
             return self._reject("Switching to Position is currently not available")
@@ -117,118 +109,17 @@ class Px4(Autopilot):
         self.change_mode(Mode.TAKEOFF)
         return Result.ACCEPTED
 
-    def change_mode(self, mode: Mode) -> None:
-        """A mode wanted by a person; after a landing the mode before the manoeuvre comes back."""
-        if mode in _MANOEUVRES and self.intended not in _MANOEUVRES:
-            self.mode_after_landing = self.intended
-        Autopilot.change_mode(self, mode)
-
-    def _setpoints_fresh(self, now_s: float) -> bool:
-        return self.setpoint_age_s(now_s) <= self.params["COM_OF_LOSS_T"]
-
-    def take_setpoint(self, setpoint: Setpoint) -> None:
-        """PX4 also remembers when setpoints came back after a gap."""
-        if self.setpoints_back_t_s is None or not self._setpoints_fresh(setpoint.t_s):
-            self.setpoints_back_t_s = setpoint.t_s
-        Autopilot.take_setpoint(self, setpoint)
-
-    def watch(self, now_s: float) -> None:
-        """Failsafes and timers, once a tick."""
-        self.ready = self.ready or now_s >= self.ready_t_s
-        self._watch_setpoints(now_s)
-        self._watch_data_link(now_s)
-        self._watch_fence(now_s)
-        if self.flight.takeoff_done and self.mode is Mode.TAKEOFF:
-            self.mode = self.intended = Mode.HOLD
-        if self.armed and not self.flight.flying:
-            self._disarm_on_ground(now_s)
-
-    def _watch_setpoints(self, now_s: float) -> None:
-        if self.intended is not Mode.EXTERNAL or not self.armed:
-            return
-        if self.mode is Mode.EXTERNAL:
-            late = self.setpoint_age_s(now_s) > self.params["COM_OF_LOSS_T"] + _OFFBOARD_CHECK_S
-            if late:
-                mode = _OFFBOARD_LOSS_MODES.get(int(self.params["COM_OBL_RC_ACT"]), Mode.HOLD)
-                self.start_failsafe(Failsafe.SETPOINTS_LOST, mode, now_s)
-                self.say(Severity.CRITICAL, "Failsafe activated\t")
-        elif self.failsafe is Failsafe.SETPOINTS_LOST and self._setpoints_fresh(now_s):
-            back = self.setpoints_back_t_s
-            if back is not None and back > self.failsafe_t_s and now_s - back >= _OFFBOARD_CHECK_S:
-                self.change_mode(Mode.EXTERNAL)
-
-    def _watch_data_link(self, now_s: float) -> None:
-        if self.gcs_heartbeat_t_s is None:
-            return
-        silence_s = now_s - self.gcs_heartbeat_t_s
-        limit_s = self.params["COM_DL_LOSS_T"] + _DATA_LINK_EXTRA_S
-        action = int(self.params["NAV_DLL_ACT"])
-        if silence_s > limit_s and not self.gcs_lost:
-            self.gcs_lost = True
-            self.say(Severity.WARNING, "Connection to ground station lost\t")
-            if action in (1, 2) and self.armed:
-                self.start_failsafe(Failsafe.DATA_LINK, Mode.HOLD, now_s)
-        elif silence_s <= limit_s and self.gcs_lost:
-            self.gcs_lost = False
-            self.say(Severity.INFO, "GCS connection regained\t")
-            if self.failsafe is Failsafe.DATA_LINK and self.mode is Mode.HOLD:
-                self.change_mode(self.intended)
-        if action == 2:
-            self._return_after_holding(Failsafe.DATA_LINK, now_s)
-
-    def _watch_fence(self, now_s: float) -> None:
-        radius_m, action = self.params["GF_MAX_HOR_DIST"], int(self.params["GF_ACTION"])
-        outside = radius_m > 0.0 and self.flight.flying and self.flight.home_distance_m > radius_m
-        if outside and not self.outside_fence:
-            self.say(Severity.CRITICAL, "Geofence violation: exceeding maximum distance to Home\t")
-            if action >= 2:
-                self.start_failsafe(Failsafe.GEOFENCE, Mode.HOLD, now_s)
-        self.outside_fence = outside
-        if action == 3:
-            self._return_after_holding(Failsafe.GEOFENCE, now_s)
-
-    def _return_after_holding(self, cause: Failsafe, now_s: float) -> None:
-        holding = self.failsafe is cause and self.mode is Mode.HOLD
-        if holding and now_s - self.failsafe_t_s >= self.params["COM_FAIL_ACT_T"]:
-            self.mode = Mode.RETURN
-
-    def _disarm_on_ground(self, now_s: float) -> None:
-        armed_t_s, landed_t_s = self.flight.armed_t_s, self.flight.landed_t_s
-        if armed_t_s is None:
-            return
-        flown = landed_t_s > armed_t_s
-        since_s = now_s - (landed_t_s if flown else armed_t_s)
-        if since_s >= self.params["COM_DISARM_LAND" if flown else "COM_DISARM_PRFLT"]:
-            self.do_disarm()
-            self.failsafe = None
-            if self.intended in _MANOEUVRES:
-                self.intended = self.mode_after_landing
-            self.mode = self.intended
-
-    def pilot_moves_sticks(self) -> bool:
-        """A full stick deflection: takes over only where COM_RC_OVERRIDE says so. True if it did."""
-        self.sticks_present = True
-        bit = 2 if self.mode is Mode.EXTERNAL else 1
-        if self.mode in STICK_MODES or not int(self.params["COM_RC_OVERRIDE"]) & bit:
-            return False
-        self.change_mode(Mode.POSITION)
-        self.say(Severity.INFO, "Pilot took over using sticks\t")
-        return True
-
     def behaviour(self) -> Behaviour:
         """What the airframe does now."""
         if not self.armed:
             return Behaviour.REST
         if self.mode in STICK_MODES:
-            return Behaviour.HOLD if self.sticks_present else Behaviour.COAST_DOWN
-        return {
-            Mode.EXTERNAL: Behaviour.EXTERNAL,
-            Mode.TAKEOFF: Behaviour.TAKEOFF,
-            Mode.LAND: Behaviour.LAND,
-            Mode.RETURN: Behaviour.RETURN,
-        }.get(self.mode, Behaviour.HOLD)
+            return Behaviour.STICKS if self.sticks_present else Behaviour.COAST_DOWN
+        if not self.position_valid and self.failsafe is Failsafe.POSITION_LOST:
+            return Behaviour.DESCEND
+        return _BEHAVIOURS.get(self.mode, Behaviour.HOLD)
 
-    def speeds(self) -> Speeds:
+    def make_speeds(self) -> Speeds:
         """Manoeuvre speeds from the parameters."""
         return Speeds(
             takeoff_mps=self.params["MPC_TKO_SPEED"],
@@ -239,6 +130,7 @@ class Px4(Autopilot):
             return_height_m=self.params["RTL_RETURN_ALT"],
             land_slow_below_m=5.0,
             spool_up_s=self.params["COM_SPOOLUP_TIME"],
+            stick_mps=self.params["MPC_VEL_MANUAL"],
         )
 
     def base_mode(self) -> int:

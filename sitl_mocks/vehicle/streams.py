@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from sitl_mocks.vehicle.modes import Personality
@@ -86,8 +86,3 @@ class Streams:
     def numbers(self) -> Iterable[int]:
         """Ids of the messages that are streamed."""
         return self._interval_s.keys()
-
-
-def only(streams: Collection[int], stopped: Collection[int]) -> list[int]:
-    """The due messages without those a fault has stopped."""
-    return [number for number in streams if number not in stopped]

@@ -10,7 +10,8 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.vehicle import streams as ids
-from sitl_mocks.vehicle.autopilot import Autopilot
+from sitl_mocks.vehicle.autopilot import Autopilot, battery_volts
+from sitl_mocks.vehicle.faults import Faults
 from sitl_mocks.vehicle.modes import Mode, Personality, numbers
 
 _EARTH_RADIUS_M = 6378137.0
@@ -21,6 +22,8 @@ _AUTOPILOT = {Personality.PX4: 12, Personality.ARDUPILOT: 3}
 _GYRO, _ACCEL, _MAG, _BARO, _GPS, _RC, _BATTERY = 1, 2, 4, 8, 0x20, 0x10000, 0x2000000
 _PREARM = 0x10000000
 _SENSORS = _GYRO | _ACCEL | _MAG | _BARO | _GPS | _BATTERY
+_CHARGE_STATES = ((0.05, 4), (0.07, 3), (0.15, 2))  # up to what is left: emergency, critical, low
+_CHARGE_UNHEALTHY = 6
 _STANDARD_MODE = {
     Mode.POSITION: 1,
     Mode.ALTITUDE: 3,
@@ -47,9 +50,23 @@ class View:
     autopilot: Autopilot
     home: Home
     boot_s: float
-    battery_frac: float
-    gps_ok: bool
     unix_s: float
+    faults: Faults
+
+    @property
+    def gps_ok(self) -> bool:
+        """The receiver has a fix."""
+        return not self.faults.gps_lost
+
+    @property
+    def battery_percent(self) -> int:
+        """What is left, -1 when it is not known."""
+        return -1 if self.faults.battery_unknown else round(self.autopilot.battery_frac * 100)
+
+    @property
+    def battery_mv(self) -> int:
+        """The pack's voltage."""
+        return round(1000 * battery_volts(self.autopilot.battery_frac))
 
     @property
     def boot_ms(self) -> int:
@@ -107,16 +124,21 @@ def _sys_status(view: View) -> Any:
     pilot = view.autopilot
     present = _SENSORS | _PREARM | (_RC if pilot.sticks_present else 0)
     health = present & ~(0 if view.gps_ok else _GPS) & ~(0 if pilot.ready else _PREARM | _GPS)
-    percent = round(view.battery_frac * 100)
-    volts_mv = round(13200 + 3600 * view.battery_frac)
-    return mavlink.MAVLink_sys_status_message(present, present, health, 250, volts_mv, 1200, percent, 0, 0, 0, 0, 0, 0)
+    health &= ~(_BATTERY if view.faults.battery_fault else 0)
+    battery = (view.battery_mv, 1200, view.battery_percent)
+    return mavlink.MAVLink_sys_status_message(present, present, health, 250, *battery, 0, 0, 0, 0, 0, 0)
 
 
 def _battery_status(view: View) -> Any:
-    cells_mv = [round(13200 + 3600 * view.battery_frac)] + [65535] * 9
-    charge = 1 if view.battery_frac > 0.15 else 2 if view.battery_frac > 0.05 else 4
-    percent = round(view.battery_frac * 100)
-    return mavlink.MAVLink_battery_status_message(0, 0, 1, 32767, cells_mv, 1200, -1, -1, percent, 0, charge)
+    left, limits = view.autopilot.battery_frac, _CHARGE_STATES
+    charge = next((state for below, state in limits if left <= below), 1)
+    cells_mv = [view.battery_mv] + [65535] * 9
+    broken = view.faults.battery_fault
+    if broken:
+        charge = _CHARGE_UNHEALTHY
+    return mavlink.MAVLink_battery_status_message(
+        0, 0, 1, 32767, cells_mv, 1200, -1, -1, view.battery_percent, 0, charge, fault_bitmask=2 if broken else 0
+    )
 
 
 def _attitude(view: View) -> Any:
@@ -175,8 +197,9 @@ def _position_target(view: View) -> Any:
     unset = _NAN if px4 else 0.0
     mask = 0 if px4 else 0x1C0 | (0x7 if point is None else 0) | (0x400 if flight.command.yaw_rad is None else 0)
     yaw = unset if flight.command.yaw_rad is None else flight.command.yaw_rad
+    north, east, down = flight.command.velocity_ned_mps
     return mavlink.MAVLink_position_target_local_ned_message(
-        view.boot_ms, 1, mask, *(point or (unset,) * 3), *flight.command.velocity_ned_mps,
+        view.boot_ms, 1, mask, *(point or (unset,) * 3), north + view.faults.echo_offset_mps, east, down,
         unset, unset, unset, yaw, flight.command.yaw_rate_rps,
     )  # fmt: skip
 
@@ -210,7 +233,9 @@ def _gps_raw(view: View) -> Any:
 
 
 def _estimator_status(view: View) -> Any:
-    flags = 0x1FF & ~0x80 if view.gps_ok else 0x01 | 0x20 | 0x80
+    flags = 0x1FF & ~0x80 if view.autopilot.position_valid else 0x01 | 0x20 | 0x80
+    if view.faults.estimator_flags is not None:
+        flags = view.faults.estimator_flags
     return mavlink.MAVLink_estimator_status_message(view.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5)
 
 
