@@ -65,7 +65,9 @@ class Auditor:
         return f"{known_name(name)} is accepted as it is"
 
     async def run(self) -> None:
-        """Until cancelled."""
+        """Until cancelled; waits for a vehicle to be heard."""
+        while self._wire.vehicle is None:
+            await asyncio.sleep(_LOOK_S)
         while True:
             await self.read()
             read_t_s = self._clock.now_s()

@@ -52,7 +52,11 @@ class CvDecoder:
         width_px, height_px = (
             int(self._capture.get(prop)) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
         )
-        check_size(self._name, width_px, height_px)
+        try:
+            check_size(self._name, width_px, height_px)
+        except VideoError:
+            self._capture.release()
+            raise
 
     @property
     def fps(self) -> float | None:

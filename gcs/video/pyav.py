@@ -41,14 +41,21 @@ class AvDecoder:
             )
         except (av.FFmpegError, OSError, ValueError) as error:
             raise VideoError(f"{self._name}: {_reason(error)}") from error
-        if not self._container.streams.video:
+        try:
+            self._stream: Any = self._video_stream()
+        except VideoError:
             self._container.close()
-            raise VideoError(f"{self._name}: holds no video")
-        self._stream: Any = self._container.streams.video[0]
-        check_size(self._name, self._stream.codec_context.width, self._stream.codec_context.height)
+            raise
         self._stream.codec_context.thread_count = 1
         self._packets = iter(self._container.demux(self._stream))
         self._waiting: list[Any] = []
+
+    def _video_stream(self) -> Any:
+        streams = self._container.streams.video
+        if not streams or streams[0].codec_context is None:  # None: a codec that FFmpeg does not know
+            raise VideoError(f"{self._name}: holds no video")
+        check_size(self._name, streams[0].codec_context.width, streams[0].codec_context.height)
+        return streams[0]
 
     @property
     def fps(self) -> float | None:

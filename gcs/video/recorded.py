@@ -15,6 +15,7 @@ IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".
 # Containers without an index guess their frame count from the duration: a few frames off is no truncation.
 TRUNCATION_SLACK_FRAMES = 2
 TRUNCATION_SLACK_FRAC = 0.02
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 class RecordedSource:
@@ -90,6 +91,20 @@ class RecordedSource:
         self._decoder.close()
 
 
+def _chunks_fit(path: Path) -> bool:
+    """False for a PNG whose chunks claim more bytes than there are: OpenCV would take gigabytes for one."""
+    length = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(len(_PNG)) != _PNG:
+            return True
+        while len(head := file.read(8)) == 8:
+            end = file.tell() + int.from_bytes(head[:4], "big") + 4
+            if end > length:
+                return False
+            file.seek(end)
+    return True
+
+
 class FolderDecoder:
     """The images of a folder in the order of their names, at a given rate."""
 
@@ -108,7 +123,10 @@ class FolderDecoder:
         path = self._paths[self._at]
         self._at += 1
         try:
-            image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+            sane = _chunks_fit(path)
+            image = cv2.imread(str(path), cv2.IMREAD_COLOR) if sane else None
+        except OSError as error:
+            raise VideoError(f"{path}: {(error.strerror or str(error)).lower()}") from error
         except cv2.error as error:
             raise VideoError(f"{path}: cannot be decoded") from error
         if image is None:
