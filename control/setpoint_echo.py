@@ -12,8 +12,7 @@ from typing import Final
 
 from control.types import Vec3
 
-_RECENT_S: Final = 0.4  # an echo of what was sent in the last so many seconds is up to date
-_LOST_S: Final = 1.0  # without one for so long, the vehicle does not hear us
+_LOST_S: Final = 1.2  # the vehicle shows to know nothing newer of what we sent: it does not hear us
 _OURS_S: Final = 10.0  # what is older is not ours any more
 _STRANGE_COUNT: Final = 2
 _STRANGE_S: Final = 2.0
@@ -33,15 +32,15 @@ class EchoMonitor:
     def reset(self) -> None:
         """The vehicle is not in external control: its echo says nothing about us."""
         self._since_s: float | None = None
-        self._echo_t_s = self._matched_s = -math.inf
+        self._echo_t_s = self._known_s = -math.inf
         self._sent.clear()
         self._strange_s.clear()
         self.is_lost = self.is_foreign = False
 
     def sent(self, t_s: float, velocity_ned_mps: Vec3) -> None:
         """A setpoint has left."""
-        if not self._sent:
-            self._matched_s = t_s
+        if not self._sent or t_s - self._sent[-1][0] > _LOST_S:  # a stream begins
+            self._known_s = t_s
         self._sent.append((t_s, velocity_ned_mps))
         while self._sent[0][0] < t_s - _OURS_S:
             self._sent.popleft()
@@ -52,17 +51,17 @@ class EchoMonitor:
         if echo_t_s is not None and echo_t_s > max(self._echo_t_s, self._since_s + _SETTLE_S):
             self._note(echo_t_s, echo_ned_mps)
         echoes = now_s - self._echo_t_s <= _LOST_S
-        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _RECENT_S
-        self.is_lost = echoes and streaming and now_s - self._matched_s > _LOST_S
+        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _LOST_S
+        self.is_lost = echoes and streaming and now_s - self._known_s > _LOST_S
         enough = len(self._strange_s) == _STRANGE_COUNT
         self.is_foreign = enough and now_s - self._strange_s[0] <= _STRANGE_S
 
     def _note(self, t_s: float, echo_ned_mps: Vec3) -> None:
         self._echo_t_s = t_s
-        alike = [at_s for at_s, sent in self._sent if _alike(sent, echo_ned_mps)]
-        if alike and alike[-1] >= t_s - _RECENT_S:
-            self._matched_s = t_s
-        elif not alike and not _alike((0.0, 0.0, 0.0), echo_ned_mps):
+        alike_s = [at_s for at_s, sent in self._sent if _alike(sent, echo_ned_mps)]
+        if alike_s:
+            self._known_s = max(self._known_s, alike_s[-1])
+        elif not _alike((0.0, 0.0, 0.0), echo_ned_mps):
             self._strange_s.append(t_s)
 
 

@@ -28,7 +28,7 @@ STREAMS = (
     Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 10.0),
     Stream(dialect.MAVLINK_MSG_ID_HEARTBEAT, 5.0),  # carries the mode; also sent at once on a change
     Stream(dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-    Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 5.0),
+    Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
     Stream(dialect.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
     Stream(dialect.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     Stream(dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.5),

@@ -27,7 +27,7 @@ STREAMS = (
     # PX4's heartbeat comes once a second and not on a mode change: this is how a pilot's is seen within 100 ms.
     Stream(dialect.MAVLINK_MSG_ID_CURRENT_MODE, 50.0),
     Stream(dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-    Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 5.0),
+    Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),
     Stream(dialect.MAVLINK_MSG_ID_SYS_STATUS, 2.0),
     Stream(dialect.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     Stream(dialect.MAVLINK_MSG_ID_HOME_POSITION, 0.5),
