@@ -13,6 +13,7 @@ from typing import Final
 from control.types import Vec3
 
 _LOST_S: Final = 1.2  # the vehicle shows to know nothing newer of what we sent: it does not hear us
+_STREAM_S: Final = 0.4  # after a longer pause a stream begins anew
 _OURS_S: Final = 10.0  # what is older is not ours any more
 _STRANGE_COUNT: Final = 2
 _STRANGE_S: Final = 2.0
@@ -39,7 +40,7 @@ class EchoMonitor:
 
     def sent(self, t_s: float, velocity_ned_mps: Vec3) -> None:
         """A setpoint has left."""
-        if not self._sent or t_s - self._sent[-1][0] > _LOST_S:  # a stream begins
+        if not self._sent or t_s - self._sent[-1][0] > _STREAM_S:
             self._known_s = t_s
         self._sent.append((t_s, velocity_ned_mps))
         while self._sent[0][0] < t_s - _OURS_S:
@@ -51,7 +52,7 @@ class EchoMonitor:
         if echo_t_s is not None and echo_t_s > max(self._echo_t_s, self._since_s + _SETTLE_S):
             self._note(echo_t_s, echo_ned_mps)
         echoes = now_s - self._echo_t_s <= _LOST_S
-        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _LOST_S
+        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _STREAM_S
         self.is_lost = echoes and streaming and now_s - self._known_s > _LOST_S
         enough = len(self._strange_s) == _STRANGE_COUNT
         self.is_foreign = enough and now_s - self._strange_s[0] <= _STRANGE_S
