@@ -23,6 +23,8 @@ LINK_LOST_S = 3.0  # heartbeat silence after which the vehicle counts as having 
 _ASK_PERIOD_S = 0.25
 _TEXTS = 50
 _ACKS = 50
+_OUR_STATIONS = ((SYSTEM_ID, COMPONENT_ID), (245, 190))  # the second is MAVSDK's
+_MOST_STATIONS = 16
 _REBOOT_MS = 5000  # time_boot_ms may jump back by less, when datagrams overtake each other
 
 
@@ -99,7 +101,7 @@ class Telemetry:
         """A valid message of anybody arrived at t_s."""
         vehicle = self._wire.vehicle
         if codec.is_gcs_heartbeat(message):
-            self._foreign_station(message, t_s)
+            self._station((message.get_srcSystem(), message.get_srcComponent()), t_s)
         if vehicle is None or not codec.is_from(message, vehicle):
             return
         if self._keeper is None:
@@ -145,19 +147,23 @@ class Telemetry:
                 self._echo(message, t_s)
 
     def _ack(self, message: Message, t_s: float) -> None:
-        # ArduPilot and old MAVLink leave the target 0; MAVSDK's answers (245/190) are not ours.
-        if message.target_system in (0, SYSTEM_ID) and message.target_component in (0, COMPONENT_ID):
+        target = (message.target_system, message.target_component)
+        # ArduPilot and old MAVLink leave the target 0; MAVSDK's answers are not ours to read.
+        if target[0] in (0, SYSTEM_ID) and target[1] in (0, COMPONENT_ID):
             self.acks.append(Ack(t_s, message.command, message.result))
+        else:
+            self._station(target, t_s)
 
     def _echo(self, message: Message, t_s: float) -> None:
         velocity = (message.vx, message.vy, message.vz)
         if all(map(math.isfinite, velocity)):
             self.setpoint_echo = SetpointEcho(t_s, velocity)
 
-    def _foreign_station(self, message: Message, t_s: float) -> None:
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        if sender != (SYSTEM_ID, COMPONENT_ID) and len(self.foreign_stations) < 16:
-            self.foreign_stations[sender] = t_s
+    def _station(self, station: tuple[int, int], t_s: float) -> None:
+        """A ground station was heard, or the vehicle answered one."""
+        known = station in self.foreign_stations or len(self.foreign_stations) < _MOST_STATIONS
+        if station not in _OUR_STATIONS and known:
+            self.foreign_stations[station] = t_s
 
     def texts_since(self, t_s: float, max_severity: int = 5) -> list[StatusText]:
         """Texts that began at or after t_s and are at least this severe (5 = notice)."""

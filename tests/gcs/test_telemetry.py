@@ -96,6 +96,18 @@ def test_answers_to_others_are_not_ours(wire, telemetry):
     assert telemetry.ack_since(2.5, 176) is None
     wire.hear(ack(400, 99), 3.0)
     assert telemetry.ack_since(0.0, 400).result_name == "result 99"
+    assert telemetry.foreign_stations == {}  # 245/190 is our own MAVSDK
+
+
+def test_an_answer_to_another_station_shows_that_it_commands_the_vehicle(wire, telemetry):
+    wire.hear(ack(176, 0, 255, 190), 1.0)
+    wire.hear(ack(176, 0, 255, 190), 2.0)
+    assert telemetry.foreign_stations == {(255, 190): 2.0}
+    for system in range(1, 40):  # no more are kept than can be needed, and the known ones stay up to date
+        wire.hear(ack(176, 0, system, 1), 3.0)
+    wire.hear(ack(176, 0, 255, 190), 4.0)
+    assert len(telemetry.foreign_stations) == 16
+    assert telemetry.foreign_stations[255, 190] == 4.0
 
 
 def test_streams_are_asked_for_on_connect_and_after_a_reconnect(wire, telemetry, clock):
