@@ -1,4 +1,4 @@
-"""Another ground station that talks to the same vehicle through a link of its own, and means no good or knows no better.
+"""Another ground station that talks to the same vehicle through a link of its own, and does as it likes.
 
 No socket: `step` it with the vehicle's clock. What it sends is judged by nobody; what the vehicle answers is kept.
 """

@@ -205,7 +205,7 @@ class MockVehicle:
         return 0.0 if self._start_s is None else self._start_s
 
     def _dispatch(self, datagram: bytes, now_s: float) -> None:
-        for message in self.outbox.read(datagram):
+        for message in self.outbox.read(datagram, self.unix_s(now_s)):
             self._dispatcher.handle(message, now_s)
 
     def _tick(self, now_s: float) -> None:

@@ -56,8 +56,9 @@ class Outbox:
         self._codec = self.signing.codec(self.system_id, self.component_id)
         self._ack_t_s = 0.0
 
-    def read(self, datagram: bytes) -> Iterator[Any]:
+    def read(self, datagram: bytes, unix_s: float) -> Iterator[Any]:
         """The messages of a datagram that came in on this link and may be believed."""
+        self.signing.at(unix_s)
         return decode_datagram(datagram, self._codec)
 
     def put(self, message: Any, due_s: float) -> None:

@@ -34,7 +34,7 @@ class SecondLink:
             return []
         if self._forwarded:
             self._vehicle.outbox.put(datagram, now_s)
-        for message in self._outbox.read(datagram):
+        for message in self._outbox.read(datagram, self._vehicle.unix_s(now_s)):
             self._dispatcher.handle(message, now_s)
         self._vehicle.announce(now_s)
         return self._flush(now_s)

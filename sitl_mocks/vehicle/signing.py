@@ -67,7 +67,8 @@ class Signing:
 
     def at(self, unix_s: float) -> None:
         """Bring the outgoing time stamp forward to the wall clock; it never goes back."""
-        self._state.timestamp = max(self._state.timestamp, timestamp_of(unix_s))
+        if self.key is not None:
+            self._state.timestamp = max(self._state.timestamp, timestamp_of(unix_s))
 
     def unsigned(self, message: Any, codec: Any) -> bytes:
         """Pack without a signature in spite of the key."""
