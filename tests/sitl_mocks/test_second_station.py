@@ -56,6 +56,7 @@ def test_it_takes_the_vehicle_away_and_the_first_hears_of_it_by_the_mode_alone(p
 
 def test_two_streams_are_obeyed_in_turn() -> None:
     bench, other = both()
+    bench.command(511, 85, 10_000)
     bench.engage(2.0)
     bench.run(3.0)
     other.velocity_ned_mps = (-2.0, 0.0, 0.0)
