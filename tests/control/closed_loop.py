@@ -10,10 +10,11 @@ import math
 import random
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, bearing_measurement
+from control.camera_check import CameraCheck, Verdict
 from control.config import ControlConfig
 from control.estimator import TargetEstimator
 from control.fence import Fence
@@ -91,6 +92,7 @@ class Setup:
     hfov_rad: float = math.radians(75)
     size_m: tuple[float, float] = (0.6, 1.8)
     mount_pitch_rad: float = math.radians(-15)
+    camera: str = "right"  # or mirrored, upside down, on a gimbal: nothing the station knows of
     config: ControlConfig = field(default_factory=lambda: ControlConfig(limits=Limits(fence=Fence(radius_m=500))))
 
 
@@ -105,9 +107,23 @@ class Result:
     trims: int
     largest_speed_mps: float
     last_bearing_deg: float
+    verdict: Verdict  # on the camera
+    verdict_s: float | None  # after the confirmation
+    largest_odds: float  # against a right camera
 
 
 def see(vehicle: Vehicle, target: Position, setup: Setup, rng: random.Random) -> tuple[float, ...] | None:
+    """Box (cx, cy, w, h) px in the picture of the camera as it really is, None if outside."""
+    if setup.camera == "on a gimbal":
+        vehicle = replace(vehicle, yaw_rad=0.0)
+    box = right_box(vehicle, target, setup, rng)
+    if box is None or setup.camera in ("right", "on a gimbal"):
+        return box
+    u, v, w, h = box
+    return 640 - u, (v if setup.camera == "mirrored" else 480 - v), w, h
+
+
+def right_box(vehicle: Vehicle, target: Position, setup: Setup, rng: random.Random) -> tuple[float, ...] | None:
     """Box (cx, cy, w, h) px of an upright target on the ground in a 640 x 480 picture, None if outside."""
     n, e, d = target[0] - vehicle.north_m, target[1] - vehicle.east_m, vehicle.height_m - setup.size_m[1] / 2
     c, s = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
@@ -142,6 +158,7 @@ def fly(path: Path, setup: Setup) -> Result:
     setpoint: Setpoint | None = None
     bearings, distances, seen, trims, smallest, fastest = [], [], 0, 0, math.inf, 0.0
     frame_count, start_m = 0, 0.0
+    check, verdict_s, odds = CameraCheck(), None, -math.inf
     for tick in range(round(setup.duration_s / DT_S)):
         now = tick * DT_S
         target = path(now)
@@ -163,7 +180,12 @@ def fly(path: Path, setup: Setup) -> Result:
             captured, box = frames.popleft()
             angles = attitude.at(captured)
             if box is not None and angles is not None:
-                estimator.update(bearing_measurement(camera, *box, angles, captured, 0.9))
+                measurement = bearing_measurement(camera, *box, angles, captured, 0.9)
+                if estimator.update(measurement):
+                    check.saw(measurement, angles[2])
+                    odds = max(odds, check.odds())
+                if verdict_s is None and check.verdict is not Verdict.OPEN:
+                    verdict_s = now - 1.0
         if tick % 5 == 0:
             predicted = estimator.predict(now + config.follow.lead_s)
             if predicted is not None and now >= 1.0:
@@ -186,7 +208,10 @@ def fly(path: Path, setup: Setup) -> Result:
             distances.append(math.hypot(*gap) / start_m - 1)
             seen += see(vehicle, target, setup, random.Random(0)) is not None
             fastest = max(fastest, math.hypot(vehicle.vn.value, vehicle.ve.value))
-    return Result(_rms(bearings), _rms(distances), smallest, seen / len(bearings), trims, fastest, bearings[-1])
+    return Result(
+        _rms(bearings), _rms(distances), smallest, seen / len(bearings), trims, fastest, bearings[-1],
+        check.verdict, verdict_s, odds,
+    )  # fmt: skip
 
 
 def telemetry_of(vehicle: Vehicle, now: float) -> VehicleState:
