@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
@@ -155,9 +156,8 @@ class Wire:
     def _deframe(self, data: bytes) -> list[Message]:
         if self._endpoint.is_datagram:
             return self._deframer.datagram(data)
-        connections = self._transport.connections if self._transport is not None else 0
-        if connections != self._connections:
-            self._connections = connections
+        if self._transport is not None and self._transport.connections != self._connections:
+            self._connections = self._transport.connections
             self._deframer.reset()
         return self._deframer.stream(data)
 
@@ -294,6 +294,7 @@ class Wire:
         transport, self._transport = self._transport, None
         if transport is not None:
             await transport.close()
-        for kept in (self._tlog, self.signing):
-            if kept is not None:
-                await asyncio.to_thread(kept.close)
+        with ThreadPoolExecutor(1) as disk:  # the default executor may be busy with other work for long
+            for kept in (self._tlog, self.signing):
+                if kept is not None:
+                    await asyncio.get_running_loop().run_in_executor(disk, kept.close)

@@ -11,7 +11,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import mavsdk
@@ -25,6 +25,7 @@ from gcs.wire import Wire
 T = TypeVar("T")
 _THREADS = 4  # so that hold never queues behind a parameter that nobody answers
 _OUTGOING_FRAMES = 256
+_CLOSED = "the connection to the vehicle is closed"
 _PENDING_S = 15.0  # the longest MAVSDK call gives up after 12 s
 log = logging.getLogger(__name__)
 
@@ -37,7 +38,7 @@ class MavsdkLink:
         self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._executor = ThreadPoolExecutor(_THREADS, thread_name_prefix="mavsdk")
-        self._pending: set[asyncio.Future[Any]] = set()
+        self._pending: dict[asyncio.Future[Any], Future[Any]] = {}
         self._outgoing: deque[tuple[bytes, float]] = deque(maxlen=_OUTGOING_FRAMES)
         self._outgoing_lock = threading.Lock()
         self._closed = False
@@ -78,6 +79,7 @@ class MavsdkLink:
 
     async def system(self, timeout_s: float) -> Any:
         """The mavsdk.System of the vehicle; VehicleError if MAVSDK does not see it in time."""
+        self._refuse_closed()
         system = await self.call(self._mavsdk.first_autopilot, timeout_s)
         if system is None:
             raise VehicleError(f"MAVSDK found no autopilot at {self._wire.url} within {timeout_s:g} s")
@@ -85,24 +87,35 @@ class MavsdkLink:
 
     async def call(self, function: Callable[..., T], *args: Any) -> T:
         """Run a blocking MAVSDK call on our own threads. Cancelling does not end it: close() waits for it."""
-        if self._closed:
-            raise VehicleError("the connection to the vehicle is closed")
-        future = self._loop.run_in_executor(self._executor, function, *args)
-        self._pending.add(future)
+        self._refuse_closed()
+        running = self._executor.submit(function, *args)
+        future = asyncio.wrap_future(running)
+        self._pending[future] = running
         future.add_done_callback(self._ended)
-        return await asyncio.shield(future)
+        try:
+            return await asyncio.shield(future)
+        except asyncio.CancelledError:
+            if running.cancelled():  # by close(), before it began
+                raise VehicleError(_CLOSED) from None
+            raise
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise VehicleError(_CLOSED)
 
     def _ended(self, future: asyncio.Future[Any]) -> None:
-        self._pending.discard(future)
+        del self._pending[future]
         if not future.cancelled():
             future.exception()  # retrieved, so that asyncio does not complain of a call nobody waits for any more
 
     async def close(self) -> None:
-        """Stop feeding, wait for calls under way, destroy once. Idempotent."""
+        """Stop feeding, take back calls not begun, wait for those under way, destroy once. Idempotent."""
         if self._closed:
             return
         self._closed = True
         self._unsubscribe()
+        for running in tuple(self._pending.values()):
+            running.cancel()  # leaves those that run alone: destroy() beside a call hangs
         if self._pending:
             await asyncio.wait(self._pending, timeout=_PENDING_S)
         if self._pending:

@@ -3,108 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import gc
 import math
 import time
-from collections.abc import AsyncIterator
-from dataclasses import dataclass, field, replace
 
 import pytest
 from pymavlink.dialects.v20 import development as mav
 
-from control.fence import Fence
-from control.gate import Limits, Reason, gate
-from control.types import Vec3, VehicleMode, VelocityRequest
-from gcs.autopilot.actions import VehicleActions
+from control.gate import Reason
+from control.types import VehicleMode
 from gcs.autopilot.mavsdk_link import MavsdkLink
-from gcs.autopilot.mode_control import ModeControl
-from gcs.clock import MonotonicClock
 from gcs.errors import VehicleError
-from gcs.telemetry import Telemetry
-from gcs.wire import Wire
-from sitl_mocks.vehicle import MockVehicle, Mode, Result
-from sitl_mocks.vehicle.server import run_udp
-from tests.gcs.wire_peer import eventually, free_port
-
-CLOCK = MonotonicClock()
-BOTH = pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-
-
-@dataclass
-class Session:
-    """A station on one side, a mock vehicle on the other, and what the vehicle saw arrive."""
-
-    mock: MockVehicle
-    wire: Wire
-    telemetry: Telemetry
-    actions: VehicleActions
-    modes: ModeControl
-    arrived: list[tuple[float, object]] = field(default_factory=list)
-    streamer: asyncio.Task[None] | None = None
-    velocity: Vec3 = (0.0, 0.0, 0.0)
-    reasons: set[Reason] = field(default_factory=set)
-
-    def start_stream(self) -> None:
-        self.streamer = asyncio.create_task(self._stream())
-
-    async def stop_stream(self) -> None:
-        assert self.streamer is not None
-        self.streamer.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await self.streamer
-
-    async def _stream(self) -> None:
-        """The control task in small: 20 Hz through the real gate, heartbeats from the same task."""
-        previous, tick = None, 0
-        while True:
-            if tick % 20 == 0:
-                self.wire.send_heartbeat()
-            tick += 1
-            now_s, state = CLOCK.now_s(), self.telemetry.vehicle_state()
-            priming = state.mode is not VehicleMode.EXTERNAL
-            request = VelocityRequest(now_s, self.velocity, 0.0, priming=priming)
-            limits = Limits(fence=Fence(min_height_m=1.5))
-            previous, reason = gate(request, state, now_s, previous, limits)
-            self.reasons.add(reason)
-            if previous is not None:
-                self.wire.send_setpoint(previous)
-            await asyncio.sleep(0.05)
-
-    def setpoints_from(self, t_s: float) -> list[object]:
-        return [m for t, m in self.arrived if t >= t_s and m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
-
-    async def reached(self, mode: VehicleMode) -> None:
-        assert await self.telemetry.wait_for(lambda s: s.mode is mode, 5.0), self.telemetry.vehicle_state()
-
-
-@contextlib.asynccontextmanager
-async def session(personality: str, **vehicle: object) -> AsyncIterator[Session]:
-    port, mock = free_port(), MockVehicle(personality, **vehicle)
-    arrived, parser = [], mav.MAVLink(None)
-
-    def observe(datagram: bytes, now_s: float) -> None:
-        arrived.extend((now_s, message) for message in parser.parse_buffer(datagram) or [])
-
-    wire = await Wire.open(f"udpin://127.0.0.1:{port}")
-    flying = asyncio.create_task(run_udp(mock, ("127.0.0.1", port), observe=observe))
-    telemetry = Telemetry(wire, CLOCK)
-    asking = asyncio.create_task(telemetry.run())
-    actions = None
-    try:
-        await wire.wait_vehicle(5.0)
-        actions = await VehicleActions.attach(wire, telemetry, CLOCK)
-        modes = ModeControl(wire, telemetry, CLOCK)
-        yield Session(mock, wire, telemetry, actions, modes, arrived)
-    finally:
-        if actions is not None:
-            await actions.close()
-        for task in (asking, flying):
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
-        telemetry.close()
-        await wire.close()
+from sitl_mocks.vehicle import Mode, Result
+from tests.gcs.vehicle_session import BOTH, CLOCK, session
+from tests.gcs.wire_peer import eventually
 
 
 @BOTH
@@ -238,46 +149,6 @@ async def test_hold_that_is_not_obeyed_is_repeated_and_reported():
         await s.stop_stream()
         commands = [m for t, m in s.arrived if t >= t_s and m.get_type() == "COMMAND_LONG" and m.command == 176]
         assert [m.confirmation for m in commands] == [0, 1, 2]
-
-
-async def test_what_mavsdk_makes_during_a_stall_is_dropped():
-    async with session("px4", airborne_m=10.0) as s:
-        await eventually(lambda: any(m.get_srcSystem() == 245 and m.get_type() == "HEARTBEAT" for _, m in s.arrived))
-        before = replace(s.wire.counters)
-        time.sleep(2.5)  # our loop stands still; MAVSDK's own threads go on making a heartbeat a second
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        assert s.wire.counters.stale >= before.stale + 2
-        assert s.wire.counters.sent <= before.sent + 1  # one may have been made in the last 100 ms
-
-
-async def test_close_is_final_and_waits_for_calls():
-    async with session("px4") as s:
-        s.mock.faults.drop_uplink = 1.0
-        arming = asyncio.create_task(s.actions.arm())
-        await asyncio.sleep(0.2)  # the call is under way: destroying now would hang
-        await s.actions.close()
-        with pytest.raises(VehicleError, match="TIMEOUT"):
-            await arming
-        with pytest.raises(VehicleError, match="closed"):
-            await s.actions.hold()
-        await s.actions.close()
-        feeding = s.wire.frames.good
-        await eventually(lambda: s.wire.frames.good > feeding + 5)  # the wire goes on, nothing is fed
-
-
-async def test_a_cancelled_order_is_waited_for_and_leaves_no_complaint(caplog):
-    async with session("px4") as s:
-        asking = asyncio.create_task(s.actions.get_param("NO_SUCH"))
-        await asyncio.sleep(0.1)
-        asking.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await asking
-        t_s = time.monotonic()
-        await s.actions.close()
-        assert time.monotonic() - t_s > 1.0  # the call, which ends by itself after 3 s, was not cut off
-    gc.collect()
-    assert caplog.records == []
 
 
 async def test_wait_ready_and_attach_say_what_is_missing():
