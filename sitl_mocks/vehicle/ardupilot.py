@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot, Failsafe, battery_volts
+from sitl_mocks.vehicle.ardupilot_failsafes import ArduPilotFailsafes
+from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot
 from sitl_mocks.vehicle.flight import Behaviour, Speeds, Sticks
 from sitl_mocks.vehicle.modes import ARDUPILOT_NUMBERS, Mode, Personality, Result, Severity
 from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
@@ -15,11 +16,10 @@ from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
 _MODE_OF = {number: mode for mode, number in ARDUPILOT_NUMBERS.items()}
 _ACCEPTED_WITHOUT_EFFECT = frozenset({115, 178, 192, 207, 510, 520})
 _LOW_THROTTLE = -0.1
-_DISARM_AFTER_LANDING_S = 1.0
 
 
 @dataclass(slots=True)
-class ArduPilot(Autopilot):
+class ArduPilot(ArduPilotFailsafes):
     """ArduCopter. A take-off happens inside GUIDED; lost setpoints stop it silently, still in GUIDED."""
 
     NOT_ARMABLE: ClassVar[frozenset[Mode]] = frozenset({Mode.RETURN, Mode.LAND, Mode.BRAKE, Mode.MISSION})
@@ -27,7 +27,6 @@ class ArduPilot(Autopilot):
     mode: Mode = Mode.STABILIZE
     intended: Mode = Mode.STABILIZE
     throttle_stick_low: bool = True
-    taking_off: bool = False
 
     @property
     def personality(self) -> Personality:
@@ -110,92 +109,6 @@ class ArduPilot(Autopilot):
             Autopilot.take_setpoint(self, setpoint)
             if self.flight.flying:
                 self.taking_off = False
-
-    def counts_as_gcs(self, system_id: int) -> bool:
-        """Only the station of MAV_GCS_SYSID feeds the GCS failsafe."""
-        return system_id == int(self.params["MAV_GCS_SYSID"])
-
-    def watch(self, now_s: float) -> None:
-        """Failsafes and timers, once a tick."""
-        if not self.ready and now_s >= self.ready_t_s:
-            self.ready = True
-            self.say(Severity.INFO, "EKF3 IMU0 is using GPS")
-        if self.setpoint_age_s(now_s) > self.params["GUID_TIMEOUT"]:
-            self.flight.setpoint = None
-        if self.flight.takeoff_done:
-            self.taking_off = False
-        self._watch_gcs(now_s)
-        self._watch_fence(now_s)
-        self._watch_estimator(now_s)
-        self._watch_battery(now_s)
-        if self.armed and not self.flight.flying:
-            self._disarm_on_ground(now_s)
-
-    def _watch_gcs(self, now_s: float) -> None:
-        if self.gcs_heartbeat_t_s is None:
-            return
-        # Measured 4.7 to 4.9 s with the time-out at 5 s.
-        lost = now_s - self.gcs_heartbeat_t_s > self.params["FS_GCS_TIMEOUT"] - 0.2
-        if lost and not self.gcs_lost and self.armed:
-            mode = {1: Mode.RETURN, 5: Mode.LAND}.get(int(self.params["FS_GCS_ENABLE"]))
-            if mode is not None:
-                self.gcs_lost = True
-                self.say(Severity.WARNING, "GCS Failsafe")
-                self._act(Failsafe.DATA_LINK, mode, now_s)
-        elif self.gcs_lost and not lost:
-            self.gcs_lost = False
-            self.failsafe = None
-            self.say(Severity.WARNING, "GCS Failsafe Cleared")
-
-    def _watch_fence(self, now_s: float) -> None:
-        circle = int(self.params["FENCE_TYPE"]) & 2 and self.params["FENCE_ENABLE"] > 0.0
-        far = self.flight.home_distance_m > self.params["FENCE_RADIUS"]
-        outside = bool(circle) and far and self.flight.flying
-        if outside and not self.outside_fence:
-            self.say(Severity.NOTICE, "Circle fence breached")
-            if int(self.params["FENCE_ACTION"]) == 1:
-                self._act(Failsafe.GEOFENCE, Mode.RETURN, now_s)
-        elif self.outside_fence and not outside:
-            self.say(Severity.NOTICE, "Fence breach cleared")
-            if self.failsafe is Failsafe.GEOFENCE:
-                self.failsafe = None
-        self.outside_fence = outside
-
-    def _watch_estimator(self, now_s: float) -> None:
-        if self.position_valid:
-            if self.failsafe is Failsafe.POSITION_LOST:
-                self.failsafe = None
-                self.say(Severity.WARNING, "EKF Failsafe Cleared")
-            return
-        blind = self.mode not in (Mode.STABILIZE, Mode.ALTITUDE, Mode.LAND)
-        if self.armed and self.failsafe is not Failsafe.POSITION_LOST and blind:
-            self.say(Severity.CRITICAL, "EKF Failsafe")
-            mode = {1: Mode.LAND, 2: Mode.ALTITUDE, 3: Mode.LAND}.get(int(self.params["FS_EKF_ACTION"]))
-            if mode is not None:
-                self._act(Failsafe.POSITION_LOST, mode, now_s)
-
-    def _watch_battery(self, now_s: float) -> None:
-        mode = {1: Mode.LAND, 2: Mode.RETURN}.get(int(self.params["BATT_FS_LOW_ACT"]))
-        volts = battery_volts(self.battery_frac)
-        if mode is None or not self.armed or volts >= self.params["BATT_LOW_VOLT"]:
-            return
-        if self.mode not in (mode, Mode.LAND):
-            self.say(Severity.WARNING, f"Battery 1 is low {volts:.2f}V used 0 mAh")
-            self._act(Failsafe.BATTERY, mode, now_s)
-
-    def _act(self, cause: Failsafe, mode: Mode, now_s: float) -> None:
-        self.change_mode(mode)
-        self.start_failsafe(cause, mode, now_s)
-
-    def _disarm_on_ground(self, now_s: float) -> None:
-        armed_t_s, landed_t_s = self.flight.armed_t_s, self.flight.landed_t_s
-        if armed_t_s is None:
-            return
-        flown = landed_t_s > armed_t_s
-        limit_s = _DISARM_AFTER_LANDING_S if flown else self.params["DISARM_DELAY"]
-        if now_s - (landed_t_s if flown else armed_t_s) >= limit_s:
-            self.do_disarm()
-            self.taking_off = False
 
     def hear_sticks(self, sticks: Sticks, now_s: float) -> None:
         """Sticks do nothing in GUIDED; in the pilot's modes the throttle decides between holding and sinking."""

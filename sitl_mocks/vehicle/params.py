@@ -165,8 +165,8 @@ class Parameters:
         return value, kind, index
 
     def set_from_wire(self, name: str, param_value: float, param_type: int) -> bool:
-        """Take a PARAM_SET; False when the name is unknown, the type differs or the value is no number."""
-        if name not in self._table or param_type != self._table[name][0]:
+        """Take a PARAM_SET; False when the name is unknown, the value is no number or, on PX4, the type differs."""
+        if name not in self._table or (self.bytewise and param_type != self._table[name][0]):
             return False
         if self.bytewise and param_type in INTEGER_TYPES:
             param_value = float(struct.unpack("<i", struct.pack("<f", param_value))[0])

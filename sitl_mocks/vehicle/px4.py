@@ -140,7 +140,7 @@ class Px4(Px4Failsafes):
         elif self.mode in AUTO_MODES:
             mode = 0x1D
         else:
-            mode = 0x11 if self.armed or self.setpoint_t_s is not None else 0x01
+            mode = 0x11 if self.armed or self.setpoints_ok else 0x01
         return mode | (0x80 if self.armed else 0)
 
     def system_status(self) -> int:
@@ -150,7 +150,7 @@ class Px4(Px4Failsafes):
         if self.armed:
             return 4
         stickless = self.mode in STICK_MODES and not self.sticks_present
-        blind = self.mode is Mode.EXTERNAL and self.setpoint_t_s is None
+        blind = self.mode is Mode.EXTERNAL and not self.setpoints_ok
         return 3 if self.ready and not stickless and not blind else 0
 
     def bad_setpoint(self, error: BadSetpointError) -> None:

@@ -35,6 +35,7 @@ class Px4Failsafes(Autopilot, ABC):
     """`watch` once a tick; the intended mode is kept through a failsafe."""
 
     setpoints_back_t_s: float | None = None
+    setpoints_ok: bool = False
     mode_after_landing: Mode = Mode.HOLD
     battery_action: Mode | None = None  # what it has done about the battery; a person may undo that once per level
 
@@ -57,6 +58,7 @@ class Px4Failsafes(Autopilot, ABC):
     def watch(self, now_s: float) -> None:
         """Failsafes and timers, once a tick."""
         self.ready = self.ready or now_s >= self.ready_t_s
+        self.setpoints_ok = self.setpoints_fresh(now_s)
         self._watch_setpoints(now_s)
         self._watch_data_link(now_s)
         self._watch_fence(now_s)
@@ -102,12 +104,15 @@ class Px4Failsafes(Autopilot, ABC):
         self._act_after_holding(Failsafe.DATA_LINK, _AFTER_HOLD.get(action), now_s)
 
     def _watch_fence(self, now_s: float) -> None:
-        radius_m, action = self.params["GF_MAX_HOR_DIST"], int(self.params["GF_ACTION"])
-        outside = radius_m > 0.0 and self.flight.flying and self.flight.home_distance_m > radius_m
+        radius_m, ceiling_m = self.params["GF_MAX_HOR_DIST"], self.params["GF_MAX_VER_DIST"]
+        action = int(self.params["GF_ACTION"])
+        far = 0.0 < radius_m < self.flight.home_distance_m
+        outside = self.flight.flying and (far or 0.0 < ceiling_m < self.flight.height_m)
         if outside and not self.outside_fence:
-            self.say(Severity.CRITICAL, "Geofence violation: exceeding maximum distance to Home\t")
+            what = "distance to" if far else "altitude above"
+            self.say(Severity.CRITICAL, f"Geofence violation: exceeding maximum {what} Home\t")
             if action >= 2:
-                self.start_failsafe(Failsafe.GEOFENCE, Mode.HOLD, now_s)
+                self.start_failsafe(Failsafe.GEOFENCE, Mode.LAND if action == 5 else Mode.HOLD, now_s)
         self.outside_fence = outside
         self._act_after_holding(Failsafe.GEOFENCE, Mode.RETURN if action == 3 else None, now_s)
 
