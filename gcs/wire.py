@@ -86,11 +86,9 @@ class Wire:
         clock: the one whose time the gate is given. tlog: a file that must not exist yet. signing: closed with us.
         """
         endpoint = parse_url(url)
-        encoder = Encoder(system_id, component_id)
-        wire = cls(endpoint, clock or MonotonicClock(), encoder, vehicle_system_id, signing)
-        if tlog is not None:
-            wire._tlog = TlogWriter.create(tlog)
+        wire = cls(endpoint, clock or MonotonicClock(), Encoder(system_id, component_id), vehicle_system_id, signing)
         try:
+            wire._tlog = TlogWriter.create(tlog) if tlog is not None else None
             wire._transport = await open_transport(endpoint, wire._received)
         except BaseException:
             await wire.close()
@@ -181,7 +179,7 @@ class Wire:
     async def wait_vehicle(self, timeout_s: float) -> VehicleId:
         """The vehicle, once its heartbeat has been heard; VehicleError says what was heard instead.
 
-        Our own heartbeat goes out meanwhile: some wait for one, and a signed one sets a clock that is behind.
+        Our own goes out meanwhile: some wait for one, and a signed one sets a clock that is behind.
         """
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
