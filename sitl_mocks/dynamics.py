@@ -133,30 +133,37 @@ def _clamp(value: float, low: float, high: float) -> float:
     return low if value < low else high if value > high else value
 
 
-def _axis(response: Response, error: float, accel: float) -> float:
+def _axis(response: Response, error: float, accel: float, tick_s: float) -> float:
     """The next acceleration of a single axis after one tick."""
     wanted = _clamp(response.gain_ps * error, -response.accel_max, response.accel_max)
     jerk = _clamp(response.accel_gain_ps * (wanted - accel), -response.jerk_max, response.jerk_max)
-    return accel + jerk * TICK_S
+    return accel + jerk * tick_s
 
 
 @dataclass(slots=True)
 class Multicopter:
-    """Advance with `step(dt_s, command)`; read `motion`. Deterministic for a seed and a list of calls."""
+    """Advance with `step(dt_s, command)`; read `motion`. Deterministic for a seed and a list of calls.
+
+    tick_s: the time step; 10 ms is the coarsest that still gives the measured responses.
+    """
 
     airframe: Airframe = PX4
     disturbance: Disturbance = field(default_factory=Disturbance)
     motion: Motion = field(default_factory=Motion)
     ground_down_m: float = 0.0
+    tick_s: float = TICK_S
     _history: deque[MotionCommand] = field(init=False)
+    _at: tuple[int, int, int, int] = field(init=False)  # where in the history each axis's dead time ends
     _carry_s: float = field(init=False, default=0.0)
     _random: random.Random = field(init=False)
     _wander: Vec3 = field(init=False, default=(0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
         frame = self.airframe
-        longest = max(frame.horizontal.delay_s, frame.vertical.delay_s, frame.yaw.delay_s, frame.yaw_angle_delay_s)
-        ticks = round(longest / TICK_S) + 1
+        delays_s = (frame.horizontal.delay_s, frame.vertical.delay_s, frame.yaw.delay_s, frame.yaw_angle_delay_s)
+        horizontal, vertical, yaw, yaw_angle = (-1 - round(delay_s / self.tick_s) for delay_s in delays_s)
+        self._at = (horizontal, vertical, yaw, yaw_angle)
+        ticks = -min(self._at)
         self._history = deque([MotionCommand()] * ticks, maxlen=ticks)
         self._random = random.Random(self.disturbance.seed)
 
@@ -168,13 +175,13 @@ class Multicopter:
         if not (math.isfinite(dt_s) and dt_s >= 0.0):
             raise ValueError(f"dt_s must be a finite time >= 0, got {dt_s}")
         self._carry_s += min(dt_s, MAX_CATCH_UP_S)
-        while self._carry_s >= TICK_S - 1e-9:
-            self._carry_s -= TICK_S
+        while self._carry_s >= self.tick_s - 1e-9:
+            self._carry_s -= self.tick_s
             self.tick(command)
         return self.motion
 
     def tick(self, command: MotionCommand | None) -> None:
-        """Advance by exactly TICK_S."""
+        """Advance by exactly tick_s."""
         if command is None:
             self._rest()
             return
@@ -185,9 +192,6 @@ class Multicopter:
         self._integrate()
         self._attitude()
 
-    def _delayed(self, delay_s: float) -> MotionCommand:
-        return self._history[-1 - round(delay_s / TICK_S)]
-
     def _rest(self) -> None:
         motion = self.motion
         self._history.append(MotionCommand())
@@ -197,21 +201,21 @@ class Multicopter:
 
     def _yaw(self) -> None:
         frame, motion = self.airframe, self.motion
-        target = self._delayed(frame.yaw_angle_delay_s).yaw_rad
+        target = self._history[self._at[3]].yaw_rad
         if self._history[-1].yaw_rad is not None and target is not None:
             wn, zeta = frame.yaw_angle_wn_rps, frame.yaw_angle_zeta
             error = wrap_pi(target - motion.yaw_rad)
             motion.yaw_accel_rps2 = wn * wn * error - 2.0 * zeta * wn * motion.yaw_rate_rps
         else:
             limit = frame.yaw_rate_max_rps
-            wanted = _clamp(self._delayed(frame.yaw.delay_s).yaw_rate_rps, -limit, limit)
-            motion.yaw_accel_rps2 = _axis(frame.yaw, wanted - motion.yaw_rate_rps, motion.yaw_accel_rps2)
+            wanted = _clamp(self._history[self._at[2]].yaw_rate_rps, -limit, limit)
+            motion.yaw_accel_rps2 = _axis(frame.yaw, wanted - motion.yaw_rate_rps, motion.yaw_accel_rps2, self.tick_s)
 
     def _horizontal(self) -> None:
         frame, motion = self.airframe, self.motion
         vx, vy, _ = motion.velocity_ned_mps
         ax, ay, az = motion.accel_ned_mps2
-        cx, cy, _ = self._delayed(frame.horizontal.delay_s).velocity_ned_mps
+        cx, cy, _ = self._history[self._at[0]].velocity_ned_mps
         if math.isnan(cx) or math.isnan(cy):
             motion.accel_ned_mps2 = (-vx / frame.coast_tau_s, -vy / frame.coast_tau_s, az)
             return
@@ -219,21 +223,21 @@ class Multicopter:
         cx, cy = _limit_norm(cx, cy, frame.speed_max_mps)
         wx, wy = _limit_norm(r.gain_ps * (cx - vx), r.gain_ps * (cy - vy), r.accel_max)
         jx, jy = _limit_norm(r.accel_gain_ps * (wx - ax), r.accel_gain_ps * (wy - ay), r.jerk_max)
-        motion.accel_ned_mps2 = (ax + jx * TICK_S, ay + jy * TICK_S, az)
+        motion.accel_ned_mps2 = (ax + jx * self.tick_s, ay + jy * self.tick_s, az)
 
     def _vertical(self) -> None:
         frame, motion = self.airframe, self.motion
-        wanted = self._delayed(frame.vertical.delay_s).velocity_ned_mps[2]
+        wanted = self._history[self._at[1]].velocity_ned_mps[2]
         wanted = 0.0 if math.isnan(wanted) else _clamp(wanted, -frame.climb_max_mps, frame.descent_max_mps)
         ax, ay, az = motion.accel_ned_mps2
-        motion.accel_ned_mps2 = (ax, ay, _axis(frame.vertical, wanted - motion.velocity_ned_mps[2], az))
+        motion.accel_ned_mps2 = (ax, ay, _axis(frame.vertical, wanted - motion.velocity_ned_mps[2], az, self.tick_s))
 
     def _integrate(self) -> None:
         motion = self.motion
         a, v, p = motion.accel_ned_mps2, motion.velocity_ned_mps, motion.position_ned_m
-        v = (v[0] + a[0] * TICK_S, v[1] + a[1] * TICK_S, v[2] + a[2] * TICK_S)
+        v = (v[0] + a[0] * self.tick_s, v[1] + a[1] * self.tick_s, v[2] + a[2] * self.tick_s)
         w = self._next_wander()
-        p = (p[0] + (v[0] + w[0]) * TICK_S, p[1] + (v[1] + w[1]) * TICK_S, p[2] + (v[2] + w[2]) * TICK_S)
+        p = (p[0] + (v[0] + w[0]) * self.tick_s, p[1] + (v[1] + w[1]) * self.tick_s, p[2] + (v[2] + w[2]) * self.tick_s)
         motion.on_ground = p[2] >= self.ground_down_m - 1e-6 and v[2] >= -1e-3
         if motion.on_ground:
             p, v = (motion.position_ned_m[0], motion.position_ned_m[1], self.ground_down_m), (0.0, 0.0, 0.0)
@@ -241,15 +245,15 @@ class Multicopter:
             motion.yaw_accel_rps2 = motion.yaw_rate_rps = 0.0
         motion.position_ned_m, motion.velocity_ned_mps = p, v
         limit = self.airframe.yaw_rate_max_rps
-        motion.yaw_rate_rps += motion.yaw_accel_rps2 * TICK_S
+        motion.yaw_rate_rps += motion.yaw_accel_rps2 * self.tick_s
         motion.yaw_rate_rps = _clamp(motion.yaw_rate_rps, -1.3 * limit, 1.3 * limit)
-        motion.yaw_rad = wrap_pi(motion.yaw_rad + motion.yaw_rate_rps * TICK_S)
+        motion.yaw_rad = wrap_pi(motion.yaw_rad + motion.yaw_rate_rps * self.tick_s)
 
     def _next_wander(self) -> Vec3:
         std, tau = self.disturbance.wander_std_mps, self.disturbance.wander_tau_s
         if std <= 0.0 or self.motion.on_ground:
             return (0.0, 0.0, 0.0)
-        keep, kick = 1.0 - TICK_S / tau, std * math.sqrt(2.0 * TICK_S / tau)
+        keep, kick = 1.0 - self.tick_s / tau, std * math.sqrt(2.0 * self.tick_s / tau)
         w = self._wander
         gauss = self._random.gauss
         self._wander = (
@@ -272,8 +276,8 @@ class Multicopter:
             up = max(GRAVITY_MPS2 - a[2], 3.0)
             pitch = -math.atan2(c * north + s * east, up)
             roll = math.atan2((c * east - s * north) * math.cos(pitch), up)
-        roll_rate = (roll - motion.roll_rad) / TICK_S
-        pitch_rate = (pitch - motion.pitch_rad) / TICK_S
+        roll_rate = (roll - motion.roll_rad) / self.tick_s
+        pitch_rate = (pitch - motion.pitch_rad) / self.tick_s
         motion.roll_rad, motion.pitch_rad = roll, pitch
         motion.body_rates_rps = _body_rates(roll, pitch, roll_rate, pitch_rate, motion.yaw_rate_rps)
 

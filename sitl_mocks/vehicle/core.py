@@ -62,7 +62,7 @@ class MockVehicle:
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
     rates_hz: replaces the default streams (message id to Hz); fewer are cheaper. ready_after_s: arming is refused
     that long after boot. signing_key: 32 bytes, it then signs and believes only what is signed. unix_start_s: the wall
-    clock at the first step, which signatures are stamped by.
+    clock at the first step, which signatures are stamped by. tick_s: of the simulation; 10 ms halves the cost.
     Raises ValueError for an unknown personality or parameter, a height that is not positive, or a bad key.
     """
 
@@ -83,6 +83,7 @@ class MockVehicle:
         battery_frac: float = 1.0,
         signing_key: bytes | None = None,
         unix_start_s: float = UNIX_START_S,
+        tick_s: float = TICK_S,
         seed: int = 0,
     ) -> None:
         self.personality = Personality(personality)
@@ -98,6 +99,7 @@ class MockVehicle:
         self._ready_after_s = ready_after_s
         self._rates_hz = default_rates_hz(self.personality) if rates_hz is None else rates_hz
         self._unix_start_s = unix_start_s
+        self._tick_s = tick_s
         self._random = random.Random(seed)
         self.outbox = Outbox(system_id, component_id, self._random, self.signing, self.faults)
         self._dispatcher = Dispatcher(self, self.outbox)
@@ -108,7 +110,7 @@ class MockVehicle:
 
     def _power_on(self, motion: Motion) -> None:
         pilot = Px4 if self._px4 else ArduPilot
-        flight = Flight(Multicopter(self._airframe, self._disturbance, motion))
+        flight = Flight(Multicopter(self._airframe, self._disturbance, motion, tick_s=self._tick_s))
         self.autopilot: Autopilot = pilot(self.params, flight, ready_after_s=self._ready_after_s)
         self.streams = Streams(self._rates_hz)
         self.outbox.restart()
@@ -154,13 +156,14 @@ class MockVehicle:
             return []
         if self._was_frozen or now_s - self._now_s > MAX_CATCH_UP_S:
             self._was_frozen = False
-            self._ticks = max(self._ticks, math.floor((now_s - self._boot_s) / TICK_S))
+            self._ticks = max(self._ticks, math.floor((now_s - self._boot_s) / self._tick_s))
         waiting, self._waiting = self._waiting, []
         for datagram in waiting:
             self._dispatch(datagram, now_s)
-        while self._now_s + TICK_S <= now_s + 1e-9:
+        boot_s, tick_s = self._boot_s, self._tick_s
+        while boot_s + (self._ticks + 1) * tick_s <= now_s + 1e-9:
             self._ticks += 1
-            self._tick(self._now_s)
+            self._tick(boot_s + self._ticks * tick_s)
         return self.outbox.flush(now_s, self.unix_s(now_s))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
@@ -198,7 +201,7 @@ class MockVehicle:
 
     @property
     def _now_s(self) -> float:
-        return self._boot_s + self._ticks * TICK_S
+        return self._boot_s + self._ticks * self._tick_s
 
     @property
     def _boot_s(self) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import assert_never
 
-from sitl_mocks.dynamics import TICK_S, MotionCommand, Multicopter, Vec3, body_to_ned, wrap_pi
+from sitl_mocks.dynamics import MotionCommand, Multicopter, Vec3, body_to_ned, wrap_pi
 from sitl_mocks.vehicle.modes import Landed
 from sitl_mocks.vehicle.setpoints import Setpoint
 
@@ -128,7 +128,7 @@ class Flight:
 
     def _detect_landing(self, behaviour: Behaviour, now_s: float) -> None:
         if self.body.motion.on_ground and self.command.velocity_ned_mps[2] > -0.05:
-            self._contact_s += TICK_S
+            self._contact_s += self.body.tick_s
             if self._contact_s >= 0.5 and self.flying:
                 self.landed, self.landed_t_s = Landed.ON_GROUND, now_s
             return

@@ -20,9 +20,9 @@ from sitl_mocks.dynamics import (
 )
 
 
-def hovering(airframe: Airframe, disturbance: Disturbance | None = None) -> Multicopter:
+def hovering(airframe: Airframe, disturbance: Disturbance | None = None, tick_s: float = TICK_S) -> Multicopter:
     motion = Motion(position_ned_m=(0.0, 0.0, -50.0), on_ground=False)
-    return Multicopter(airframe, disturbance or Disturbance(), motion)
+    return Multicopter(airframe, disturbance or Disturbance(), motion, tick_s=tick_s)
 
 
 def north(v: float) -> MotionCommand:
@@ -50,22 +50,27 @@ def yaw_rate_dps(m: Motion) -> float:
 
 
 def step_response(
-    airframe: Airframe, before: MotionCommand, after: MotionCommand, read: Callable[[Motion], float]
+    airframe: Airframe,
+    before: MotionCommand,
+    after: MotionCommand,
+    read: Callable[[Motion], float],
+    tick_s: float = TICK_S,
 ) -> tuple[float, float, float]:
     """(t63, t90, final value) of a step after the first command has settled."""
-    copter = hovering(airframe)
+    copter = hovering(airframe, tick_s=tick_s)
     for _ in range(3):
         copter.step(4.0, before)
     start = read(copter.motion)
     trace = []
     for tick in range(1, 2000):
         copter.tick(after)
-        trace.append((tick * TICK_S, read(copter.motion)))
+        trace.append((tick * tick_s, read(copter.motion)))
     final = trace[-1][1]
     times = [next(t for t, v in trace if (v - start) / (final - start) >= part) for part in (0.63, 0.9)]
     return times[0], times[1], final
 
 
+@pytest.mark.parametrize("tick_s", [TICK_S, 0.01])
 @pytest.mark.parametrize(
     ("airframe", "before", "after", "read", "t63", "t90", "final"),
     [
@@ -90,8 +95,9 @@ def test_step_response_is_the_measured_one(
     t63: float,
     t90: float,
     final: float,
+    tick_s: float,
 ) -> None:
-    got63, got90, got_final = step_response(airframe, before, after, read)
+    got63, got90, got_final = step_response(airframe, before, after, read, tick_s)
     assert got63 == pytest.approx(t63, rel=0.15, abs=0.03)
     assert got90 == pytest.approx(t90, rel=0.15, abs=0.05)
     assert got_final == pytest.approx(final, rel=0.01, abs=0.01)
