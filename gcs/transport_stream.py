@@ -8,6 +8,7 @@ import importlib
 import logging
 import os
 import socket
+import time
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
@@ -17,6 +18,7 @@ from gcs.transport import Endpoint, Peer, Received, not_opened
 
 _READ_BYTES = 4096
 _SEND_BUFFER_BYTES = 2048  # of the kernel: a peer that takes nothing must not get old frames later
+_STUCK_S = 1.0  # then a connection that takes nothing is given up, with what the system would still deliver late
 _SERIAL_WAIT_S = 0.1  # what may wait in the driver before a new frame is refused
 _CONNECT_S = 5.0
 log = logging.getLogger(__name__)
@@ -39,6 +41,7 @@ class _Stream:
         self._writer: asyncio.StreamWriter | None = None
         self._status = "not connected yet"
         self._connections = 0
+        self._wrote_t_s = 0.0
 
     @property
     def status(self) -> str:
@@ -52,9 +55,15 @@ class _Stream:
 
     def send(self, data: bytes) -> bool:
         """Write one frame, unless an earlier one is still waiting."""
-        writer = self._writer
-        if writer is None or writer.is_closing() or writer.transport.get_write_buffer_size() > 0:
+        writer, now_s = self._writer, time.monotonic()
+        if writer is None or writer.is_closing():
             return False
+        if writer.transport.get_write_buffer_size() > 0:
+            if now_s - self._wrote_t_s > _STUCK_S:
+                self._status = "connection lost: the peer takes nothing"
+                writer.transport.abort()
+            return False
+        self._wrote_t_s = now_s
         writer.write(data)
         return True
 
@@ -65,13 +74,16 @@ class _Stream:
         sock = writer.get_extra_info("socket")
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(_STUCK_S * 1000))
         self._writer = writer
         self._connections += 1
         self._status = "connected"
         try:
             while data := await reader.read(_READ_BYTES):
                 self._received(data, None)
-            self._status = "the peer closed the connection"
+            if not writer.transport.is_closing():
+                self._status = "the peer closed the connection"
         except OSError as error:
             self._status = f"connection lost: {error.strerror or error}"
         finally:

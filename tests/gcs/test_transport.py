@@ -124,6 +124,28 @@ async def test_tcpout_does_not_queue_for_a_peer_that_takes_nothing():
         server.close()
 
 
+async def test_tcpout_gives_up_a_peer_that_takes_nothing_and_its_old_frames_with_it():
+    """Else the system would go on offering them, and hand them over when the peer wakes up."""
+    with socket.socket() as vehicle:
+        vehicle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
+        vehicle.bind(("127.0.0.1", 0))
+        vehicle.listen(1)
+        vehicle.setblocking(False)
+        wire = await Wire.open(f"tcpout://127.0.0.1:{vehicle.getsockname()[1]}")
+
+        def given_up():
+            sent = [wire.send_heartbeat() for _ in range(50)]
+            return not any(sent) and wire._transport.status.endswith("the peer takes nothing")
+
+        try:
+            frozen, _ = await asyncio.get_running_loop().sock_accept(vehicle)
+            await eventually(wire.send_heartbeat)
+            await eventually(given_up, 20.0)
+            frozen.close()
+        finally:
+            await wire.close()
+
+
 async def test_tcpin_serves_one_client_and_turns_a_second_away():
     port = free_port(socket.SOCK_STREAM)
     wire = await Wire.open(f"tcpin://127.0.0.1:{port}")
