@@ -183,7 +183,7 @@ def fly(path: Path, setup: Setup) -> Result:
                 measurement = bearing_measurement(camera, *box, angles, captured, 0.9)
                 if estimator.update(measurement):
                     check.saw(measurement, angles[2])
-                    odds = max(odds, check.odds())
+                    odds = max(odds, check.odds)
                 if verdict_s is None and check.verdict is not Verdict.OPEN:
                     verdict_s = now - 1.0
         if tick % 5 == 0:

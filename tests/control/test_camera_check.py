@@ -11,7 +11,7 @@ from control.types import BearingMeasurement
 
 from .closed_loop import Setup, fly, runner, sine, standing, zigzag, zigzag_away
 
-WRONG = ("mirrored", "upside down", "on a gimbal")
+MIRRORED = ("mirrored", "upside down")
 CROSSING = (sine, zigzag, zigzag_away)
 
 
@@ -20,23 +20,24 @@ def aside(t):
     return 15.0, 1.5
 
 
-@pytest.mark.parametrize("camera", WRONG)
-@pytest.mark.parametrize("path", CROSSING)
+@pytest.mark.parametrize("camera", MIRRORED)
+@pytest.mark.parametrize("path", [*CROSSING, aside, runner])
 @pytest.mark.parametrize("delay_s", [0.1, 0.25])
-def test_a_wrong_camera_is_found_within_a_second_and_a_half_when_the_vehicle_must_turn(camera, path, delay_s):
+def test_a_mirrored_camera_is_found_within_a_second_and_a_half_of_engaging(camera, path, delay_s):
     for seed in range(3):
         result = fly(path, Setup(camera=camera, duration_s=4.0, settle_s=1.0, delay_s=delay_s, seed=seed))
         assert result.verdict is Verdict.WRONG
         assert result.verdict_s <= 1.5
 
 
-@pytest.mark.parametrize("camera", ["mirrored", "upside down"])
-@pytest.mark.parametrize("path", [aside, runner])
-def test_a_mirrored_camera_is_found_with_a_target_that_is_not_quite_ahead(camera, path):
+@pytest.mark.parametrize("path", CROSSING)
+@pytest.mark.parametrize("delay_s", [0.1, 0.25])
+def test_a_camera_on_a_gimbal_nobody_told_of_is_found_within_five_seconds(path, delay_s):
     for seed in range(3):
-        result = fly(path, Setup(camera=camera, duration_s=4.0, settle_s=1.0, seed=seed))
+        setup = Setup(camera="on a gimbal", duration_s=7.0, settle_s=1.0, delay_s=delay_s, seed=seed)
+        result = fly(path, setup)
         assert result.verdict is Verdict.WRONG
-        assert result.verdict_s <= 1.5
+        assert result.verdict_s <= 5.0
 
 
 @pytest.mark.parametrize("path", [*CROSSING, standing, aside, runner])
@@ -114,13 +115,13 @@ def test_a_pause_begins_the_filters_anew_and_old_pictures_are_ignored():
     pictures = list(series(-1.0, swing))
     for bearing, yaw in pictures[:10]:
         check.saw(bearing, yaw)
-    odds = check.odds()
+    odds = check.odds
     check.saw(*pictures[5])  # an old one
-    assert check.odds() == odds
+    assert check.odds == odds
     check.saw(*pictures[30])  # a second later
-    assert check.odds() == odds
+    assert check.odds == odds
     check.reset()
-    assert check.odds() == 0.0
+    assert check.odds == 0.0
     assert check.verdict is Verdict.OPEN
 
 

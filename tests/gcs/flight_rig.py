@@ -14,6 +14,7 @@ from control.gate import TICK_S
 from control.types import Vec3, VehicleMode, VehicleState
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_vision import Seen
+from gcs.link_health import LinkHealth
 from gcs.video import Frame
 from tracker.box import Box, TrackResult
 
@@ -53,6 +54,8 @@ class Rig:
     frozen: bool = False
     telemetry: bool = True
     confidence: float = 0.9
+    delay_s: float = DELAY_S  # from the picture to its result
+    link: LinkHealth | None = None
     speed_mps: float = 3.0  # at which the target walks to where target_ned_m says
     ticks: list[Tick] = field(default_factory=list)
 
@@ -78,8 +81,17 @@ class Rig:
             self._hear()
             if self.video:
                 self._see()
-            self.ticks.append(self.control.tick(self.now_s, self._stamped))
+            self.ticks.append(self.control.tick(self.now_s, self._stamped, self.link))
         return self.ticks[-count:]
+
+    @property
+    def true_target(self) -> Vec3:
+        """Where the target is now, NED."""
+        return self._target
+
+    def place(self, target_ned_m: Vec3) -> None:
+        """The target is there at once."""
+        self._target = self.target_ned_m = target_ned_m
 
     def stall(self, seconds: float) -> None:
         """Our own program stands still; the world goes on."""
@@ -102,7 +114,7 @@ class Rig:
 
     def _see(self) -> None:
         t_s = self.now_s - 0.02
-        frame = Frame(len(self.ticks), BLANK, t_s - DELAY_S, t_s)
+        frame = Frame(len(self.ticks), BLANK, t_s - self.delay_s, t_s)
         box = box_of(self._target, self.vehicle.position_ned_m, self.vehicle.yaw_rad)
         sees = self.sees and self._number > 0 and box is not None and not self.frozen
         result = TrackResult(box, 1.0, self.confidence) if sees and box is not None else None
