@@ -15,8 +15,7 @@ import random
 import sys
 import tempfile
 import time
-from array import array
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -37,6 +36,7 @@ from tests.soak.samples import Sample, growth, sample, slope_mb_per_h
 from tracker.box import Box
 
 _EVERY_S: Final = 30.0
+_TICKS: Final = 20_000  # the newest; never more, so that keeping them is no growth
 _SLOPE_MB_PER_H: Final = 1.0
 
 
@@ -45,7 +45,7 @@ class Record:
     """What a soak has come to."""
 
     samples: list[Sample] = field(default_factory=list)
-    ticks_s: array[float] = field(default_factory=lambda: array("d"))  # time each tick took to decide, or came late
+    ticks_s: deque[float] = field(default_factory=lambda: deque([0.0] * _TICKS, maxlen=_TICKS))  # each one's duration
     follows: int = 0
     losses: int = 0
     takeovers: int = 0
@@ -171,7 +171,7 @@ async def real(minutes: float) -> Record:
                 record.samples.append(sample(time.monotonic() - begun_s, s.process.pid))
                 w.heard.clear()
             gaps = (await s.does("gaps"))["answer"][20:]
-            record.ticks_s = array("d", [max(gap - 0.05, 0.0) for gap in gaps])
+            record.ticks_s = deque(max(gap - 0.05, 0.0) for gap in gaps)
             summary = w.monitor.summary()
             record.unsafe, record.reasons = summary["unsafe"], str(summary["reasons"][:3])
             if w.mode is not Mode.EXTERNAL:
