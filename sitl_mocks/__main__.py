@@ -48,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--wind", type=_wind, default=(0.0, 0.0, 0.0), metavar="N,E", help="wind in m/s towards north and east")
     add("--prepared", action="store_true", help="with the parameters of a careful owner, not of the factory")
     add("--param", type=_parameter, action="append", default=[], metavar="NAME=VALUE", help="may be repeated")
+    add("--signing-key", type=_key, metavar="FILE", help="the vehicle signs, and believes nothing unsigned")
     add("--loss", type=_between(0, 1), default=0.0, help="share of MAVLink datagrams lost each way")
     add("--truth", type=Path, metavar="FILE", help="write the truth of each frame as JSONL")
     add("--summary", type=Path, metavar="FILE", help="write the wire monitor's summary at the end")
@@ -77,6 +78,15 @@ def _parameter(text: str) -> tuple[str, float]:
         return name, float(number)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE with a number") from None
+
+
+def _key(path: str) -> bytes:
+    try:
+        return bytes.fromhex(Path(path).read_text("ascii"))
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{path}: {error.strerror}") from None
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{path}: not a key in hexadecimal") from None
 
 
 def _parameters(options: argparse.Namespace) -> dict[str, float]:
@@ -112,6 +122,7 @@ def _config(options: argparse.Namespace) -> SimulatorConfig:
         loss_frac=options.loss,
         parameters=_parameters(options),
         confirmations=options.confirmations,
+        signing_key=options.signing_key,
         truth_file=options.truth,
         summary_file=options.summary,
     )

@@ -60,6 +60,7 @@ class SimulatorConfig:
     loss_frac: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     confirmations: bool = False
+    signing_key: bytes | None = field(default=None, repr=False)
     truth_file: Path | None = None
     summary_file: Path | None = None
 
@@ -83,6 +84,7 @@ class Simulator:
             airborne_m=config.scenario.height_m if config.start_in_air else None,
             parameters=config.parameters,
             disturbance=Disturbance(wind_ned_mps=config.wind_ned_mps, seed=config.seed),
+            signing_key=config.signing_key,
             seed=config.seed,
         )
         self._vehicle.faults.drop_uplink = self._vehicle.faults.drop_downlink = config.loss_frac

@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+from gcs.keys import SigningKey, write_key
+from gcs.messages import read_messages
 from sitl_mocks import scenario
 from sitl_mocks.simulator import Simulator, SimulatorConfig
 from sitl_mocks.vehicle import PREPARED, Mode, Personality
@@ -46,16 +48,17 @@ class World:
 
 
 @contextlib.asynccontextmanager
-async def world(folder: Path, personality: Personality = Personality.PX4) -> AsyncIterator[World]:
+async def world(folder: Path, signing_key: bytes | None = None) -> AsyncIterator[World]:
     port, truth, stop = free_port(), folder / "truth.jsonl", asyncio.Event()
     config = SimulatorConfig(
         scenario.load("demo"),
         ("127.0.0.1", port),
-        personality,
+        Personality.PX4,
         fps=10.0,
         start_in_air=True,
         truth_file=truth,
-        parameters=PREPARED[personality],
+        parameters=PREPARED[Personality.PX4],
+        signing_key=signing_key,
     )
     simulator = Simulator(config)
     ready: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
@@ -110,11 +113,17 @@ def camera_file(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal.Signals) -> None:
-    async with world(tmp_path) as w:
-        arguments = ("--video", w.video_url, "--vehicle", w.vehicle_url, "--config", str(camera_file(tmp_path)))
+@pytest.mark.parametrize(("number", "signed"), [(signal.SIGINT, False), (signal.SIGTERM, True)])
+async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal.Signals, signed: bool) -> None:
+    key = SigningKey.random()
+    write_key(tmp_path / "signing.key", key)
+    async with world(tmp_path, key.secret if signed else None) as w:
+        arguments = ["--video", w.video_url, "--vehicle", w.vehicle_url, "--config", str(camera_file(tmp_path))]
+        arguments += ["--signing-key", str(tmp_path / "signing.key")] if signed else []
         async with station(*arguments, "--out", str(tmp_path / "out")) as s:
+            assert (f"signed link, key {key.fingerprint}" if signed else "unsigned link") in await s.hears(
+                "vehicle: PX4"
+            )
             await s.hears("IDLE")
             s.tell("follow")
             assert "no target is selected" in await s.hears("not following")
@@ -135,6 +144,10 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
             assert w.monitor["unsafe"] == 0, w.monitor["reasons"]
     for name in ("messages.jsonl", "flight.mp4", "flight.tlog"):
         assert (tmp_path / "out" / name).stat().st_size > 1000
+    figures = [r.data for r in read_messages(tmp_path / "out" / "messages.jsonl") if r.type == "LinkFigures"]
+    assert len(figures) > 3  # one a second
+    assert figures[-1]["received_bytes_per_s"] > figures[-1]["sent_bytes_per_s"] > 0
+    assert key.secret.hex() not in "".join(s.said)
 
 
 async def test_no_vehicle_is_one_line_and_exit_2(tmp_path: Path) -> None:
