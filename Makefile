@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test check bench coverage mutate gate-million lock wheel-test clean
+.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
@@ -14,6 +14,7 @@ help:
 	@echo "make bench   measure speed and memory, side by side in one run"
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
 	@echo "make gate-million   a million random calls of the gate and 20,000 of hypothesis'"
+	@echo "make fuzz    a million damaged packets, ten thousand videos, configurations, weights (about 15 minutes)"
 	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
 
 setup: $(STAMP)
@@ -48,6 +49,9 @@ mutate: $(STAMP)
 
 gate-million: $(STAMP)
 	GATE_CALLS=1000000 GATE_EXAMPLES=20000 $(BIN)/pytest tests/property/test_gate_property.py --timeout 3600 --durations=5
+
+fuzz: $(STAMP)
+	$(BIN)/python -m tests.fuzz
 
 # Pins every package to what is installed now; the next set-up elsewhere is identical.
 lock: $(STAMP)

@@ -16,6 +16,7 @@ import yaml
 from gcs.errors import ConfigError, one_line
 
 MAX_BYTES = 256 * 1024
+MAX_DEPTH = 16
 
 T = TypeVar("T")
 
@@ -44,8 +45,7 @@ def _read(path: Path) -> str:
 
 def _compose(path: Path, text: str) -> yaml.Node | None:
     try:
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
-            raise ConfigError(f"{path}: YAML aliases (*name) are not supported")
+        _check_shape(path, text)
         return yaml.compose(text, yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -53,6 +53,18 @@ def _compose(path: Path, text: str) -> yaml.Node | None:
         raise ConfigError(f"{path}{line}: not valid YAML: {error.problem or error.context}") from error
     except (yaml.YAMLError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
+
+
+def _check_shape(path: Path, text: str) -> None:
+    """Before anything is built of it: PyYAML's time grows with the square of the depth."""
+    depth = 0
+    for event in yaml.parse(text, yaml.SafeLoader):
+        line = event.start_mark.line + 1 if event.start_mark is not None else 0
+        if isinstance(event, yaml.AliasEvent):
+            raise ConfigError(f"{path}:{line}: YAML aliases (*name) are not supported")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            raise ConfigError(f"{path}:{line}: nested more than {MAX_DEPTH} deep")
 
 
 def _build(kind: type[T], node: yaml.Node, path: Path, prefix: str) -> T:
@@ -111,7 +123,8 @@ def _plain(node: yaml.Node, path: Path, name: str) -> Any:
     loader = yaml.SafeLoader("")
     try:
         return loader.construct_object(node)
-    except (yaml.YAMLError, ValueError) as error:
+    # What PyYAML lets out for an explicit tag that does not fit: `!!int ''`, `!!bool x`, `!!timestamp x`.
+    except (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise _error(path, node, name, "is not a value this file may hold") from error
     finally:
         loader.dispose()

@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import replace
 from typing import Final, assert_never
 
+from control.causes import Cause
 from control.engagement import Action, State
-from control.preflight import Cause
 from control.types import VehicleMode
 from gcs.errors import GcsError, SelectionError
 from gcs.flight import Flight

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields, replace
 from enum import Enum
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
+
+MOST_CHANNELS = 4096  # a manifest must not take all memory before its tensors are even compared
+T = TypeVar("T")
 
 
 class ConfigError(ValueError):
@@ -62,8 +69,9 @@ class ClimNetConfig:
     stages: tuple[int, int, int, int]
 
     def __post_init__(self) -> None:
-        _require(self.stem > 0, "climnet.stem", self.stem, "positive")
-        _require(len(self.stages) == 4 and min(self.stages) > 0, "climnet.stages", self.stages, "4 widths > 0")
+        _require(0 < self.stem <= MOST_CHANNELS, "climnet.stem", self.stem, "positive and sane")
+        sane = len(self.stages) == 4 and min(self.stages) > 0 and _sane(self.stages, MOST_CHANNELS)
+        _require(sane, "climnet.stages", self.stages, "4 sane widths > 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +105,11 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         widths = self.backbone_channels
-        _require(len(widths) == 5 and min(widths) > 0, "backbone_channels", widths, "5 widths > 0")
+        sane = len(widths) == 5 and min(widths) > 0 and _sane(widths, MOST_CHANNELS)
+        _require(sane, "backbone_channels", widths, "5 sane widths > 0")
+        counts = (self.hidden, self.ffn, self.head_convs * 64)  # times 64: no more than 64 convolutions
+        _require(_sane(counts, MOST_CHANNELS), "hidden, ffn or head_convs", counts, "sane")
+        _require(_sane((self.input_mean, self.input_scale), 1e6), "input_mean or input_scale", "", "sane")
         _require(self.hidden > 0 and self.hidden % 2 == 0, "hidden", self.hidden, "positive and even")
         _require(self.heads > 0 and self.hidden % self.heads == 0, "heads", self.heads, "a divisor of hidden")
         _require(self.ffn > 0, "ffn", self.ffn, "positive")
@@ -121,16 +133,7 @@ class NetworkConfig:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> NetworkConfig:
         """From to_dict's values; raises ConfigError on unknown, missing or unusable fields."""
-        try:
-            values = dict(values)
-            values["backbone_channels"] = tuple(values["backbone_channels"])
-            climnet = values["climnet"]
-            if climnet is not None:
-                values["climnet"] = ClimNetConfig(climnet["stem"], tuple(climnet["stages"]))
-            values["variant"] = Variant(values.get("variant", Variant.FULL))
-            return cls(**values)
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise ConfigError(f"network configuration is incomplete or malformed: {error}") from error
+        return _from_dict(cls, values, "network")
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +198,10 @@ class TrackerConfig:
         _require(0 <= self.lost_below <= self.found_above <= 1, "lost_below", self.lost_below, "in 0..found_above..1")
         for field in ("filter_weight", "filter_share", "sure_above", "doubt_below"):
             _require(0 <= getattr(self, field) <= 1, field, getattr(self, field), "in 0..1")
-        _require(self.min_size_px > 0, "min_size_px", self.min_size_px, "positive")
+        for field in ("exemplar_px", "search_px", "grid_cells", "grid_stride_px", "min_size_px"):
+            _require(1 <= getattr(self, field) <= 2048, field, getattr(self, field), "in 1..2048")
+        for field in ("context_frac", "huge_frac"):
+            _require(0 <= getattr(self, field) <= 10, field, getattr(self, field), "in 0..10")
 
     def to_dict(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -204,13 +210,22 @@ class TrackerConfig:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TrackerConfig:
         """From to_dict's values; fields left out keep their defaults; raises ConfigError on others."""
-        try:
-            values = dict(values)
-            if "latent" in values:
-                values["latent"] = LatentProvider(values["latent"])
-            return cls(**values)
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"tracker configuration is malformed: {error}") from error
+        return _from_dict(cls, values, "tracker")
+
+
+def _from_dict(kind: type[T], values: Any, what: str) -> T:
+    """A dataclass from JSON values of exactly its types; ConfigError."""
+    try:
+        unknown = set(values) - {field.name for field in fields(kind)}  # type: ignore[arg-type]
+        if unknown:
+            raise ConfigError(f"unknown fields: {', '.join(sorted(unknown))}")
+        return msgspec.convert(values, kind, strict=True)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{what} configuration is incomplete or malformed: {error}") from error
+
+
+def _sane(numbers: Iterable[float], most: float) -> bool:
+    return all(math.isfinite(number) and abs(number) <= most for number in numbers)
 
 
 def _require(condition: bool, field: str, value: object, wanted: str) -> None:

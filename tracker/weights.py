@@ -120,6 +120,8 @@ def read_manifest(path: str | Path) -> Manifest:
     if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
         raise WeightsError(f"{source}: is not a {FORMAT} manifest")
     try:
+        if not all(isinstance(part, str) for part in values["parts"]):
+            raise TypeError("parts must be names")
         return Manifest(
             NetworkConfig.from_dict(values.pop("network")),
             TrackerConfig.from_dict(values.pop("tracker")),

@@ -80,9 +80,9 @@ class Mutator:
 
     def learn(self, datagram: bytes) -> None:
         """Keep a genuine frame to damage. The mode is left out: to repeat an old one would be a lie well told."""
-        if len(datagram) > 12 and datagram[0] == V2 and len(datagram) == datagram[1] + 12:
-            if int.from_bytes(datagram[7:10], "little") not in (HEARTBEAT, CURRENT_MODE):
-                self._genuine.append(datagram)
+        alone = len(datagram) > 12 and datagram[0] == V2 and len(datagram) == datagram[1] + 12
+        if alone and int.from_bytes(datagram[7:10], "little") not in (HEARTBEAT, CURRENT_MODE):
+            self._genuine.append(datagram)
 
     def packet(self) -> bytes:
         """The next one, a datagram or part of a stream."""
@@ -135,7 +135,7 @@ class Mutator:
                 return self._extremes(rng.choice((HEARTBEAT, CURRENT_MODE)), self._system, self._component)
 
     def _own(self) -> int:
-        """A message for the vehicle to say; seldom one we listen to: with two lies a second it still can be followed."""
+        """A message for the vehicle to say; seldom one we listen to, so that a follow can last."""
         return self._random.choice(_HEARD if self._random.random() < _LIES_FRAC else _UNHEARD)
 
     def _garbage(self, size: int) -> bytes:

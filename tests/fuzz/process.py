@@ -1,4 +1,4 @@
-"""This process, measured from /proc: memory, file handles, threads."""
+"""What a process tells of a damaged file, and of itself: memory, file handles, threads, from /proc."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import re
 import threading
 from dataclasses import dataclass
 from pathlib import Path
+
+from gcs.errors import one_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,3 +31,21 @@ class Usage:
             len(os.listdir("/proc/self/fd")),
             threading.active_count(),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One damaged thing. worked: something could be read of it all the same. said: the error that a user gets.
+
+    problem: what must not happen; empty if nothing did.
+    """
+
+    kind: str
+    worked: bool
+    said: str
+    problem: str
+
+
+def bad_line(text: str) -> str:
+    """What is wrong with an error as a line for a user; empty if nothing is."""
+    return "" if text and text == one_line(text) else f"not one line: {text[:300]!r}"

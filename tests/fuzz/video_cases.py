@@ -1,31 +1,22 @@
-"""A process that opens damaged videos one after the other, and says what became of each on a line of its own.
-
-    python -m tests.fuzz.video_worker SEED FIRST END
-
-It says the number before it begins, so that whoever started it knows which one it died of.
-"""
+"""One damaged video after the other through the real openers and readers; for `tests.fuzz.worker`."""
 
 from __future__ import annotations
 
-import faulthandler
-import json
 import math
 import random
 import shutil
-import sys
-import tempfile
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 
 from gcs.errors import VideoError, one_line
 from gcs.video import open_source
 from gcs.video.frame import MAX_AREA_PX, MAX_SIDE_PX
-from tests.fuzz.process import Usage
+from tests.fuzz.process import Case, bad_line
 from tests.fuzz.videos import Medium, Seeds, damage, whole, write_folder
 
 _FRAMES: Final = 60  # at most so many are read of one
@@ -33,32 +24,28 @@ _READ_S: Final = 8.0  # a source gives up by itself after 5 s of silence
 _MEDIA: Final = (Medium.MP4,) * 5 + (Medium.AVI,) * 4 + (Medium.FOLDER,) * 4 + (Medium.MJPEG,) * 5 + (Medium.TS,)
 
 
-def main(seed: int, first: int, end: int) -> int:
-    """Work through the numbers; 0."""
-    faulthandler.enable()
-    cv2.setNumThreads(1)
-    with tempfile.TemporaryDirectory() as name, _Server() as server:
-        folder = Path(name)
-        seeds = Seeds.make(folder)
-        for number in range(first, end):
-            _say(begin=number)
-            rng = random.Random(f"{seed} {number}")
-            medium = rng.choice(_MEDIA)
-            target = folder / f"v.{medium.value}"
-            address = _prepare(medium, rng, seeds, target, server)
-            frames, said, problem = _open_and_read(address)
+class VideoCases:
+    """Files in `folder`, streams from a server in this process."""
+
+    def __init__(self, folder: Path) -> None:
+        cv2.setNumThreads(1)
+        self._folder = folder
+        self._seeds = Seeds.make(folder)
+        self._server = _Server()
+
+    def run(self, rng: random.Random) -> Case:
+        """Damage one, open it, read it."""
+        medium = rng.choice(_MEDIA)
+        target = self._folder / f"v.{medium.name.lower()}"
+        try:
+            frames, said, problem = _open_and_read(_prepare(medium, rng, self._seeds, target, self._server))
+        finally:
             shutil.rmtree(target, ignore_errors=True) if target.is_dir() else target.unlink(missing_ok=True)
-            usage = Usage.now()
-            _say(
-                end=number, medium=medium.value, frames=frames, said=said, problem=problem, rss_mb=usage.rss_mb,
-                peak_mb=usage.peak_mb, handles=usage.handles, threads=usage.threads,
-            )  # fmt: skip
-    return 0
+        return Case(medium.value, bool(frames), said, problem)
 
-
-def _say(**values: Any) -> None:
-    sys.stdout.write(json.dumps(values) + "\n")
-    sys.stdout.flush()
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
 
 
 def _prepare(medium: Medium, rng: random.Random, seeds: Seeds, target: Path, server: _Server) -> str:
@@ -79,7 +66,7 @@ def _open_and_read(address: str) -> tuple[int, str, str]:
     try:
         source = open_source(address, reconnect=False)
     except VideoError as error:
-        return 0, str(error), _bad_line(str(error))
+        return 0, str(error), bad_line(str(error))
     except BaseException as error:  # noqa: BLE001 - this is what is looked for
         return 0, "", f"{type(error).__name__} leaves open_source: {one_line(error)}"
     try:
@@ -99,15 +86,11 @@ def _open_and_read(address: str) -> tuple[int, str, str]:
         if time.monotonic() >= deadline_s:
             return frames, "", f"neither a frame nor an end within {_READ_S:g} s"
         said = source.problem or ""
-        return frames, said, _bad_line(said) if said else ""
+        return frames, said, bad_line(said) if said else ""
     except BaseException as error:  # noqa: BLE001
         return frames, "", f"{type(error).__name__} leaves read: {one_line(error)}"
     finally:
         source.close()
-
-
-def _bad_line(text: str) -> str:
-    return "" if text and text == one_line(text) else f"not one line: {text!r}"
 
 
 class _Server:
@@ -115,7 +98,7 @@ class _Server:
 
     body, kind = b"", ""
 
-    def __enter__(self) -> _Server:
+    def __init__(self) -> None:
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -134,18 +117,8 @@ class _Server:
         self._http = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         self.url = f"http://127.0.0.1:{self._http.server_address[1]}/"
         threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True).start()
-        threading.excepthook = _thread_fault
-        return self
 
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """No more answers."""
         self._http.shutdown()
         self._http.server_close()
-
-
-def _thread_fault(fault: threading.ExceptHookArgs) -> None:
-    """A thread of the video's died: nothing may leave it."""
-    _say(fault=f"{fault.exc_type.__name__} leaves thread {fault.thread and fault.thread.name}: {fault.exc_value}")
-
-
-if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:4])))
