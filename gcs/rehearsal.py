@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from control.camera import Angles, CameraModel, bearing_measurement, box_of
+from control.causes import Cause
 from control.engagement import Action, Engagement, Output, State
 from control.estimator import TargetEstimator
 from control.follow import FollowState, follow_request
@@ -20,7 +21,7 @@ from control.gate_limits import TICK_S
 from control.limits import priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.motion import distance_m
-from control.preflight import Cause, Inputs
+from control.preflight import Inputs
 from control.types import (
     BearingMeasurement,
     Reason,
