@@ -62,7 +62,7 @@ class MockVehicle:
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
     rates_hz: replaces the default streams (message id to Hz); fewer are cheaper. ready_after_s: arming is refused
     that long after boot. signing_key: 32 bytes, it then signs and believes only what is signed. unix_start_s: the wall
-    clock at the first step, which signatures are stamped by. tick_s: of the simulation; 10 ms halves the cost.
+    clock at the first step, which signatures are stamped by; `run_udp` sets it to the real one. tick_s: of the simulation; 10 ms halves the cost.
     Raises ValueError for an unknown personality or parameter, a height that is not positive, or a bad key.
     """
 
@@ -82,7 +82,7 @@ class MockVehicle:
         ready_after_s: float = 0.0,
         battery_frac: float = 1.0,
         signing_key: bytes | None = None,
-        unix_start_s: float = UNIX_START_S,
+        unix_start_s: float | None = None,
         tick_s: float = TICK_S,
         seed: int = 0,
     ) -> None:
@@ -98,7 +98,7 @@ class MockVehicle:
         self._disturbance = disturbance or Disturbance()
         self._ready_after_s = ready_after_s
         self._rates_hz = default_rates_hz(self.personality) if rates_hz is None else rates_hz
-        self._unix_start_s = unix_start_s
+        self.unix_start_s = unix_start_s
         self._tick_s = tick_s
         self._random = random.Random(seed)
         self.outbox = Outbox(system_id, component_id, self._random, self.signing, self.faults)
@@ -186,7 +186,8 @@ class MockVehicle:
 
     def unix_s(self, now_s: float) -> float:
         """The vehicle's wall clock."""
-        return self._unix_start_s + now_s - (now_s if self._epoch_s is None else self._epoch_s)
+        start_s = UNIX_START_S if self.unix_start_s is None else self.unix_start_s
+        return start_s + now_s - (now_s if self._epoch_s is None else self._epoch_s)
 
     def _boot(self, now_s: float) -> bool:
         """Whether it is running; the first time it is, its boot clock starts."""

@@ -68,6 +68,8 @@ async def run_udp(
     WireMonitor is fed. Times are time.monotonic().
     """
     loop = asyncio.get_running_loop()
+    if vehicle.unix_start_s is None:
+        vehicle.unix_start_s = time.time()
     transport, protocol = await loop.create_datagram_endpoint(
         lambda: _Socket(vehicle, remote, observe), local_addr=local
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from contextlib import suppress
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.vehicle import MockVehicle
 from sitl_mocks.vehicle.server import run_udp
+from sitl_mocks.vehicle.signing import timestamp_of
 
 
 class Station(asyncio.DatagramProtocol):
@@ -66,3 +68,18 @@ async def test_telemetry_goes_to_the_station_that_answers_and_stays_there() -> N
             await task
         for wire in (first_wire, second_wire, third_wire):
             wire.close()
+
+
+async def test_in_real_time_signatures_carry_the_real_time() -> None:
+    key = bytes(range(32))
+    wire, station, port = await open_station()
+    task = asyncio.create_task(run_udp(MockVehicle(signing_key=key), ("127.0.0.1", port)))
+    try:
+        data, _ = await asyncio.wait_for(station.heard.get(), 2.0)
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+        wire.close()
+    stamped = int.from_bytes(data[-12:-6], "little")
+    assert abs(stamped - timestamp_of(time.time())) < 5 * 100_000
