@@ -10,6 +10,8 @@ from tests.faults.script import Happened
 from tests.faults.world import World
 from tracker.box import Box
 
+_TELLING_RAD = 0.15
+
 
 def _more(world: World, counter: str, least: int) -> Happened:
     before = getattr(world.eyes, counter)
@@ -108,15 +110,15 @@ def target_leaves(world: World) -> Happened:
     """The target leaves the picture sideways, faster than the vehicle turns; it counts from its last sight."""
     world.target.speed_mps, world.target.weave_rad = 45.0, 0.0
     world.target.heading_rad = world.vehicle.pose().yaw_rad + world.random.choice((-1.0, 1.0)) * math.pi / 2
-    unseen = world.eyes.unseen
+    unseen, seen = world.eyes.unseen, [0]
 
-    def gone(now_s: float) -> None:
-        if world.eyes.unseen > unseen and not world.eyes.hidden:
+    def watch(now_s: float) -> None:
+        if world.eyes.delivered - world.eyes.unseen != seen[0]:
+            seen[0] = world.eyes.delivered - world.eyes.unseen
             world.caused(now_s)
-            world.hooks.remove(gone)
 
-    world.hooks.append(gone)
-    return lambda: gone not in world.hooks
+    world.hooks.append(watch)
+    return lambda: world.eyes.unseen > unseen + 5
 
 
 def hidden_long(world: World) -> Happened:
@@ -133,6 +135,14 @@ def hidden_briefly(world: World) -> Happened:
     return happened
 
 
+def _turned(world: World) -> Happened:
+    """The target crosses; the harm counts from when the vehicle has turned as far as it takes to tell."""
+    world.target_heading_rad = world.random.choice((-1.0, 1.0)) * world.random.uniform(1.3, 1.8)
+    turned: list[bool] = []
+    world.caused_when(lambda: abs(world.vehicle.pose().yaw_rad) > _TELLING_RAD and not turned.append(True))
+    return lambda: bool(turned)
+
+
 def camera_mirrored(world: World) -> Happened:
     """The picture is a mirror image."""
     seen: list[float] = []
@@ -142,7 +152,8 @@ def camera_mirrored(world: World) -> Happened:
         return replace(box, cx_px=WIDTH_PX - box.cx_px)
 
     world.eyes.distort = mirror
-    return lambda: len(seen) > 5
+    turned = _turned(world)
+    return lambda: len(seen) > 5 and turned()
 
 
 def camera_rolled(world: World) -> Happened:
@@ -154,7 +165,8 @@ def camera_rolled(world: World) -> Happened:
         return replace(box, cx_px=WIDTH_PX - box.cx_px, cy_px=HEIGHT_PX - box.cy_px)
 
     world.eyes.distort = turn
-    return lambda: len(seen) > 5
+    turned = _turned(world)
+    return lambda: len(seen) > 5 and turned()
 
 
 def target_comes(world: World) -> Happened:

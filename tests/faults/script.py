@@ -117,7 +117,7 @@ async def _run(loop: LockstepLoop, setup: Setup, fault: Fault, phase: Phase, see
     flight = loop.create_task(_fly_station(world))
     flight.add_done_callback(lambda task: _note_end(task, flown))
     async with asyncio.timeout(_LONGEST_S):
-        await _play(world, fault, phase, flown)
+        await _play(world, fault, phase, flown, flight)
     outcome = _judge(world, fault, phase, seed, flown, loop.time() - start_s)
     for undo in world.undo:
         undo()
@@ -138,7 +138,7 @@ def _note_end(task: asyncio.Task[None], flown: Flown) -> None:
         flown.crash = repr(task.exception())
 
 
-async def _play(world: World, fault: Fault, phase: Phase, flown: Flown) -> None:
+async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: asyncio.Task[None]) -> None:
     rng, loop = world.random, world.loop
 
     def _break_in(now: Phase) -> None:
@@ -148,8 +148,19 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown) -> None:
     world.monitor.phase = "follow"
     if fault.from_start:
         _break(world, fault, flown)
-        world.hooks.append(_CauseIsMotion(world))
-    await engage(world, flown, lambda: _break_in(Phase.ENGAGING))
+    engaging = loop.create_task(engage(world, flown, lambda: _break_in(Phase.ENGAGING)))
+    await asyncio.wait([engaging, flight], return_when=asyncio.FIRST_COMPLETED)  # an ended flight answers nobody
+    if not engaging.done():
+        engaging.cancel()
+    await _go_on_to(world, phase)
+    _break_in(phase)
+    if phase in (Phase.COASTING, Phase.LOST):  # the target shows up again: a temptation to fly on
+        loop.call_later(rng.uniform(0.1, 0.6), lambda: setattr(world.eyes, "hidden", False))
+    await asyncio.sleep(fault.watch_s)
+
+
+async def _go_on_to(world: World, phase: Phase) -> None:
+    rng = world.random
     match phase:
         case Phase.ACCELERATING:
             await asyncio.sleep(rng.uniform(0.2, 0.9))
@@ -163,10 +174,6 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown) -> None:
             await asyncio.sleep(rng.uniform(1.2, 1.8))
             world.eyes.hidden = True
             await asyncio.sleep(rng.uniform(1.15, 3.6))
-    _break_in(phase)
-    if phase in (Phase.COASTING, Phase.LOST):  # the target shows up again: a temptation to fly on
-        loop.call_later(rng.uniform(0.1, 0.6), lambda: setattr(world.eyes, "hidden", False))
-    await asyncio.sleep(fault.watch_s)
 
 
 async def engage(world: World, flown: Flown, meanwhile: Callable[[], None]) -> None:
@@ -177,7 +184,8 @@ async def engage(world: World, flown: Flown, meanwhile: Callable[[], None]) -> N
     try:
         await orders.perform(Select(box))
         await asyncio.sleep(_LOOK_S)
-        world.target.heading_rad = rng.uniform(-1.2, 1.2)
+        heading_rad = rng.uniform(-1.2, 1.2)
+        world.target.heading_rad = heading_rad if world.target_heading_rad is None else world.target_heading_rad
         world.target.speed_mps = rng.uniform(2.0, 3.5)
         world.monitor.operator_confirms(world.loop.time())
         world.loop.call_later(rng.uniform(0.0, 0.12), meanwhile)
@@ -186,29 +194,18 @@ async def engage(world: World, flown: Flown, meanwhile: Callable[[], None]) -> N
         flown.refusal = str(error)
 
 
-class _CauseIsMotion:
-    """A fault that was there from the start harms from the first moving setpoint on."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-
-    def __call__(self, now_s: float) -> None:
-        """Each step."""
-        if self._world.exit.last_s(moving=True) is not None:
-            self._world.caused(now_s)
-            self._world.hooks.remove(self)
-
-
 def _break(world: World, fault: Fault, flown: Flown) -> None:
     world.bound_s = fault.bound_s
     world.silent = fault.expect in (Expect.TAKEN_OVER, Expect.GONE)
-    world.caused(world.loop.time())
+    if not fault.from_start:
+        world.caused(world.loop.time())
     flown.happened = fault.inject(world)
 
 
 def _judge(world: World, fault: Fault, phase: Phase, seed: int, flown: Flown, flown_s: float) -> Outcome:
     monitor, now_s = world.monitor, world.loop.time()
     problems = [f"{r.rule.value} at {r.t_s - world.cause_s:+.3f} s: {r.text}" for r in monitor.reasons]
+    problems += world.exit.faults[:3]
     if flown.happened is None or not flown.happened():
         problems.append("the fault did not happen")
     in_motion = phase in (Phase.ACCELERATING, Phase.STEADY) and not fault.from_start
@@ -230,7 +227,8 @@ def _unexpected(world: World, expect: Expect, went_on: bool, flown: Flown, phase
     said = f"{state.value}, external {truth.external}, {'; '.join(world.said[-3:])} {flown.refusal}"
     newest_s = world.exit.last_s(moving=False)
     quiet = newest_s is None or now_s - newest_s > _REST_S
-    still = math.hypot(*world.vehicle.pose().velocity_ned_mps) < _STILL_MPS
+    its_own = world.vehicle.autopilot.failsafe is not None  # a failsafe of the vehicle may fly it home
+    still = its_own or math.hypot(*world.vehicle.pose().velocity_ned_mps) < _STILL_MPS
     if flown.crash and expect is not Expect.CRASHED:
         return [f"the flight ended: {flown.crash}"]
     match expect:

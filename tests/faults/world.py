@@ -11,6 +11,7 @@ from typing import Any, cast
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from control.engagement import State
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.config import CameraConfig, Config
@@ -31,6 +32,9 @@ DELAY_S = 0.01  # each way
 VEHICLE_PEER: Peer = ("vehicle", 14580)
 _STILL = 1e-6
 _RECENT_S = 0.25
+_SILENCE_S = 0.5
+_ENDED = (State.RELEASED, State.TAKEN_OVER)
+_ACCELERATION_MPS2 = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +50,15 @@ class Setup:
 
 
 CAMERA = CameraConfig(hfov_deg=math.degrees(HFOV_RAD), mount_rpy_deg=(0.0, math.degrees(MOUNT_PITCH_RAD), 0.0))
+# The vehicle takes datagrams in steps of 10 ms, which makes a step of velocity look that much quicker than it is; the
+# gate's own limit of 4 m/s² is judged at the exit.
 LIMITS = MonitorLimits(
-    confirmation_needed=True, fence_radius_m=150.0, height_min_m=3.0, height_max_m=60.0, confirmation_lasts_s=3.0
+    accel_max_mps2=5.0,
+    confirmation_needed=True,
+    fence_radius_m=150.0,
+    height_min_m=3.0,
+    height_max_m=60.0,
+    confirmation_lasts_s=3.0,
 )
 
 
@@ -74,6 +85,8 @@ class Exit:
 
     setpoints: list[tuple[float, bool]] = field(default_factory=list)  # (time, moving)
     velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)  # of the newest
+    faults: list[str] = field(default_factory=list)  # what no link can have done: a step, a follow begun anew
+    ended: bool = False  # the station has said that the follow is over
     digest: int = 0
 
     def note(self, now_s: float, datagram: bytes) -> None:
@@ -83,9 +96,15 @@ class Exit:
         parser.robust_parsing = True
         for message in parser.parse_buffer(bytearray(datagram)) or ():
             if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-                self.velocity_ned_mps = (message.vx, message.vy, message.vz)
+                before, self.velocity_ned_mps = self.velocity_ned_mps, (message.vx, message.vy, message.vz)
+                dt_s = now_s - self.setpoints[-1][0] if self.setpoints else math.inf
+                step_mps = math.dist(before if dt_s < _SILENCE_S else (0.0, 0.0, 0.0), self.velocity_ned_mps)
+                if any(self.velocity_ned_mps) and step_mps > _ACCELERATION_MPS2 * min(max(dt_s, 0.05), 0.2) + 1e-3:
+                    self.faults.append(f"velocity step {step_mps:.3f} m/s after {dt_s:.3f} s at the exit")
                 moving = max(*map(abs, self.velocity_ned_mps), abs(message.yaw_rate)) > _STILL
                 self.setpoints.append((now_s, moving))
+                if moving and self.ended:
+                    self.faults.append(f"moving again at {now_s:.3f} s, after the follow was over")
 
     def last_s(self, moving: bool) -> float | None:
         """When the last setpoint left; moving: the last that was not zero."""
@@ -135,6 +154,7 @@ class World:
         self.up = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 1)
         self.down = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 2)
         self.target = Target((15.5, self.random.uniform(-1.5, 1.5), -0.8))
+        self.target_heading_rad: float | None = None  # where it goes once confirmed; None: somewhere away
         self.said: list[str] = []
         self.frozen = False  # the station's process stands still: what comes in waits
         self.dead = False  # it is gone
@@ -187,17 +207,21 @@ class World:
         for hook in tuple(self.hooks):
             hook(now_s)
         self.target.step(now_s)
-        self._down(self.vehicle.step(now_s), now_s)
+        self.down_from_vehicle(self.vehicle.step(now_s), now_s)
         for data in self.up.take(now_s):
             self.monitor.feed(now_s, data, self.vehicle.truth())
-            self._down(self.vehicle.receive(data, now_s), now_s)
+            self.down_from_vehicle(self.vehicle.receive(data, now_s), now_s)
         self.monitor.tick(now_s, self.vehicle.truth())
         self.vision.shoot(now_s, self.target.position_ned_m, self.vehicle.pose())
         self._backlog.extend((data, VEHICLE_PEER) for data in self.down.take(now_s))
         if not (self.frozen or self.dead):
             self.hand_over(now_s)
+        tick = self.flight.tick
+        self.exit.ended = self.exit.ended or (tick is not None and tick.output.state in _ENDED)
 
-    def _down(self, datagrams: list[bytes], now_s: float) -> None:
+    def down_from_vehicle(self, datagrams: list[bytes], now_s: float | None = None) -> None:
+        """What the vehicle sends goes on its way."""
+        now_s = self.loop.time() if now_s is None else now_s
         for data in datagrams:
             self.down.put(data, now_s)
 
@@ -221,6 +245,20 @@ class World:
             self.monitor.silent_by_s = by_s
         else:
             self.monitor.still_by_s = by_s
+
+    def cause_is_motion(self) -> None:
+        """A fault that is there from the start harms from the first moving setpoint on."""
+        self.caused_when(lambda: self.exit.last_s(moving=True) is not None)
+
+    def caused_when(self, condition: Callable[[], bool]) -> None:
+        """The fault's bound counts from when this is true."""
+
+        def watch(now_s: float) -> None:
+            if condition():
+                self.caused(now_s)
+                self.hooks.remove(watch)
+
+        self.hooks.append(watch)
 
     def inject(self, data: bytes, peer: Peer = VEHICLE_PEER) -> None:
         """A datagram from somebody, straight into the station's socket."""

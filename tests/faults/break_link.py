@@ -1,0 +1,194 @@
+"""Faults of the connection and of who else is on it: H10 to H13, H28 to H32."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from sitl_mocks.link_faults import Conditions, OneWay
+from sitl_mocks.vehicle import MockVehicle, Mode, Personality
+from sitl_mocks.vehicle.streams import (
+    ATTITUDE,
+    CURRENT_MODE,
+    GLOBAL_POSITION_INT,
+    HEARTBEAT,
+    LOCAL_POSITION_NED,
+)
+from tests.faults.break_vehicle import once_external
+from tests.faults.script import Happened
+from tests.faults.world import DELAY_S, VEHICLE_PEER, World
+
+_STRANGER = ("stranger", 14555)
+
+
+def _lost_more(way: OneWay, least: int) -> Happened:
+    before = way.counts.lost
+    return lambda: way.counts.lost - before >= least
+
+
+def _close(way: OneWay) -> Happened:
+    way.conditions = replace(way.conditions, closed=True)
+    return _lost_more(way, 1)
+
+
+def link_down(world: World) -> Happened:
+    """Nothing passes either way."""
+    down, up = _close(world.down), _close(world.up)
+    return lambda: down() and up()
+
+
+def uplink_down(world: World) -> Happened:
+    """We hear it, it does not hear us."""
+    return _close(world.up)
+
+
+def downlink_down(world: World) -> Happened:
+    """It hears us, we do not hear it."""
+    return _close(world.down)
+
+
+def link_bad(world: World) -> Happened:
+    """Loss, delay, jitter, duplicates and overtaking, both ways."""
+    rng = world.random
+    loss, delay_s = rng.choice((0.05, 0.2, 0.5)), rng.choice((0.0, 0.1, 0.25, 0.5, 1.0))
+    conditions = Conditions(loss, DELAY_S + delay_s, 0.1 * delay_s, 0.05, 0.05)
+    world.up.conditions = world.down.conditions = conditions
+    # A setpoint is as old as the link makes it, and steps between setpoints are judged where they leave.
+    grace_s = world.monitor.limits.mode_grace_s + 2.5 * delay_s
+    limits = replace(world.monitor.limits, mode_grace_s=grace_s, accel_max_mps2=math.inf, yaw_accel_max_rps2=math.inf)
+    # A delay that grows by more than COM_OF_LOSS_T starves PX4, and what was under way then takes it back into OFFBOARD
+    # by itself; that nothing moves it any more without the operator is judged where it leaves.
+    world.monitor.limits = replace(limits, confirmation_needed=delay_s < 0.25)
+    lost = _lost_more(world.down, 3)
+    return lambda: lost() and world.down.counts.duplicated > 0 and world.down.counts.reordered > 0
+
+
+def _stop(world: World, *streams: int) -> Happened:
+    world.vehicle.faults.stopped_streams.update(streams)
+    times = [world.vehicle.streams.interval_s(stream) for stream in streams]
+    return lambda: any(interval_s is not None for interval_s in times)
+
+
+def attitude_stops(world: World) -> Happened:
+    """ATTITUDE comes no more."""
+    return _stop(world, ATTITUDE)
+
+
+def position_stops(world: World) -> Happened:
+    """LOCAL_POSITION_NED comes no more."""
+    return _stop(world, LOCAL_POSITION_NED)
+
+
+def height_stops(world: World) -> Happened:
+    """GLOBAL_POSITION_INT, which tells the height above home, comes no more."""
+    return _stop(world, GLOBAL_POSITION_INT)
+
+
+def heartbeat_stops(world: World) -> Happened:
+    """HEARTBEAT and CURRENT_MODE come no more."""
+    return _stop(world, HEARTBEAT, CURRENT_MODE)
+
+
+def _packer(system_id: int) -> mavlink.MAVLink:
+    return mavlink.MAVLink(None, system_id, 190)
+
+
+def _repeat(world: World, period_s: float, act: object) -> list[float]:
+    """Call `act()` so often from now on; the list of the times it was."""
+    times: list[float] = []
+    state = [world.loop.time()]
+
+    def hook(now_s: float) -> None:
+        if now_s >= state[0]:
+            state[0] += period_s * world.random.uniform(0.8, 1.2)  # no two clocks run alike
+            times.append(now_s)
+            act()  # type: ignore[operator]
+
+    world.hooks.append(hook)
+    return times
+
+
+def foreign_setpoints(world: World) -> Happened:
+    """Another station steers as well, the vehicle obeys both in turns."""
+    packer, heading = _packer(254), world.random.uniform(-math.pi, math.pi)
+    north, east = 3.0 * math.cos(heading), 3.0 * math.sin(heading)
+    obeyed: list[bool] = []
+
+    def send() -> None:
+        message = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, 1, 0x5C7, 0, 0, 0, north, east, 0, 0, 0, 0, 0, 0
+        )
+        world.vehicle.receive(message.pack(packer), world.loop.time())
+        setpoint = world.vehicle.autopilot.flight.setpoint
+        obeyed.append(setpoint is not None and abs(setpoint.velocity_ned_mps[0] - north) < 1e-3)
+
+    _repeat(world, 0.05, send)
+    return lambda: len(obeyed) > 10
+
+
+def foreign_heartbeats(world: World) -> Happened:
+    """Another station is there and only listens."""
+    packer = _packer(254)
+    times = _repeat(world, 1.0, lambda: world.inject(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(packer)))
+    return lambda: len(times) > 1 and (254, 190) in world.telemetry.foreign_stations
+
+
+def foreign_command(world: World) -> Happened:
+    """Another station changes the mode by a command."""
+    mode = world.random.choice((Mode.LAND, Mode.RETURN))
+    if world.px4:
+        numbers = (4.0, 6.0 if mode is Mode.LAND else 5.0)
+    else:
+        numbers = (9.0 if mode is Mode.LAND else 6.0, 0.0)
+    data = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 129.0, *numbers, 0, 0, 0, 0).pack(_packer(254))
+    once_external(world, lambda: world.down_from_vehicle(world.vehicle.receive(data, world.loop.time())))
+    return lambda: world.vehicle.autopilot.mode is mode
+
+
+def second_vehicle(world: World) -> Happened:
+    """A second vehicle, in another mode and elsewhere, speaks on the same port."""
+    kind = Personality.ARDUPILOT if world.px4 else Personality.PX4
+    other = MockVehicle(
+        kind, system_id=2, airborne_m=40.0, rates_hz={HEARTBEAT: 1.0, ATTITUDE: 20.0, 32: 20.0, 33: 10.0}
+    )
+    peer = world.random.choice((VEHICLE_PEER, _STRANGER))
+    count = [0]
+
+    def hook(now_s: float) -> None:
+        for data in other.step(now_s):
+            count[0] += 1
+            world.inject(data, peer)
+
+    world.hooks.append(hook)
+    return lambda: count[0] > 50 and other.autopilot.mode is not Mode.EXTERNAL
+
+
+def forged_mode(world: World) -> Happened:
+    """The pilot takes over, and somebody without the key says in the vehicle's name that we still have it."""
+    once_external(world, lambda: world.vehicle.pilot_sets_mode(Mode.LAND))
+    forger = mavlink.MAVLink(None, 1, 1)
+    kind, number = (12, 6 << 16) if world.px4 else (3, 4)
+    peer = world.random.choice((VEHICLE_PEER, _STRANGER))
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, kind, 0x91, number, 4, 3)
+    world.loop.call_later(0.15, lambda: _repeat(world, 0.2, lambda: world.inject(heartbeat.pack(forger), peer)))
+    return lambda: world.vehicle.autopilot.mode is Mode.LAND
+
+
+def garbage(world: World) -> Happened:
+    """Damaged frames and noise among the good ones."""
+    rng = world.random
+    sent = [0]
+
+    def send() -> None:
+        data = bytearray(world.vehicle.message(ATTITUDE, world.loop.time()).pack(_packer(1)))
+        for _ in range(rng.randint(1, 6)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        noise = rng.randbytes(rng.randrange(300))
+        world.inject(rng.choice((bytes(data), noise, noise + bytes(data), bytes(data[: rng.randrange(len(data))]))))
+        sent[0] += 1
+
+    _repeat(world, 0.02, send)
+    before = world.wire.frames.bad
+    return lambda: sent[0] > 50 and world.wire.frames.bad - before > 20
