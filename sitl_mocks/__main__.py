@@ -49,7 +49,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--prepared", action="store_true", help="with the parameters of a careful owner, not of the factory")
     add("--param", type=_parameter, action="append", default=[], metavar="NAME=VALUE", help="may be repeated")
     add("--signing-key", type=_key, metavar="FILE", help="the vehicle signs, and believes nothing unsigned")
-    add("--signing-key", type=Path, metavar="FILE", help="64 hexadecimal characters: sign, and believe nothing else")
     add("--loss", type=_between(0, 1), default=0.0, help="share of MAVLink datagrams lost each way")
     add("--truth", type=Path, metavar="FILE", help="write the truth of each frame as JSONL")
     add("--summary", type=Path, metavar="FILE", help="write the wire monitor's summary at the end")
@@ -90,13 +89,6 @@ def _key(path: str) -> bytes:
         raise argparse.ArgumentTypeError(f"{path}: not a key in hexadecimal") from None
 
 
-def _key(path: Path) -> bytes:
-    try:
-        return bytes.fromhex(path.read_text(encoding="ascii"))
-    except ValueError:
-        raise ValueError(f"{path} does not hold 64 hexadecimal characters") from None
-
-
 def _parameters(options: argparse.Namespace) -> dict[str, float]:
     prepared = PREPARED[Personality(options.personality)] if options.prepared else {}
     return {**prepared, **dict(options.param)}
@@ -127,7 +119,6 @@ def _config(options: argparse.Namespace) -> SimulatorConfig:
         start_in_air=options.start_in_air,
         seed=options.seed or 0,
         wind_ned_mps=options.wind,
-        signing_key=options.signing_key and _key(options.signing_key),
         loss_frac=options.loss,
         parameters=_parameters(options),
         confirmations=options.confirmations,

@@ -59,7 +59,6 @@ class SimulatorConfig:
     wind_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     loss_frac: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
-    signing_key: bytes | None = field(default=None, repr=False)
     confirmations: bool = False
     signing_key: bytes | None = field(default=None, repr=False)
     truth_file: Path | None = None
@@ -84,7 +83,6 @@ class Simulator:
             yaw_rad=config.scenario.heading_rad,
             airborne_m=config.scenario.height_m if config.start_in_air else None,
             parameters=config.parameters,
-            signing_key=config.signing_key,
             disturbance=Disturbance(wind_ned_mps=config.wind_ned_mps, seed=config.seed),
             signing_key=config.signing_key,
             seed=config.seed,

@@ -62,7 +62,8 @@ class MockVehicle:
     airborne_m: start armed and hovering that high. parameters: changes to the defaults by name.
     rates_hz: replaces the default streams (message id to Hz); fewer are cheaper. ready_after_s: arming is refused
     that long after boot. signing_key: 32 bytes, it then signs and believes only what is signed. unix_start_s: the wall
-    clock at the first step, which signatures are stamped by; `run_udp` sets it to the real one. tick_s: of the simulation; 10 ms halves the cost.
+    clock at the first step, which signatures are stamped by; `run_udp` sets it to the real one.
+    tick_s: of the simulation; 10 ms halves the cost.
     Raises ValueError for an unknown personality or parameter, a height that is not positive, or a bad key.
     """
 

@@ -180,7 +180,7 @@ def test_the_process_flies_films_and_ends_cleanly(tmp_path: Path, number: signal
         (["--scenario", "nothing"], "scenario 'nothing' is not known"),
         (["--mavlink", "somewhere"], "'somewhere' is not HOST:PORT"),
         (["--fps", "0"], "0 is not between 1 and 120"),
-        (["--signing-key", __file__], "does not hold 64 hexadecimal characters"),
+        (["--signing-key", __file__], "not a key in hexadecimal"),
         (["--truth", "/nonexistent/folder/truth.jsonl"], "/nonexistent/folder/truth.jsonl"),
     ],
 )
