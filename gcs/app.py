@@ -89,7 +89,7 @@ async def _run(options: RunOptions, screen: Screen) -> int:
         tracker = await asyncio.to_thread(make_tracker, config.tracker)
         folder = prepare_folder(options.out) if options.out is not None else None
         async with open_link(options.vehicle, config, clock, folder) as link:
-            screen.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing)}")
+            screen.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
             with recorder(folder, config, source, screen.say, figures=link.wire.figures) as watchers:
                 flight = make_flight(link, source, tracker, config, clock, screen.say, watchers)
                 orders = Orders(flight)

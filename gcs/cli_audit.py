@@ -17,7 +17,7 @@ from gcs.autopilot.parameters import read_parameters
 from gcs.clock import MonotonicClock
 from gcs.config import Config, load
 from gcs.errors import GcsError
-from gcs.signing import open_signing
+from gcs.signing import open_signing, security
 from gcs.wire import Wire
 
 _UNSAFE: Final = 1
@@ -51,6 +51,7 @@ async def _audit(url: str, config: Config, accepted: Collection[str]) -> Audit:
     try:
         _say(f"waiting for a vehicle at {wire.url}")
         vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)
+        _say(f"{vehicle}, {security(wire.signing, wire.vehicle_signs)}")
         names = [rule.names for rule in RULES[vehicle.autopilot.name]]
         values = await read_parameters(wire, clock, names, _say)
         return judge(vehicle.autopilot.name, values, accepted)

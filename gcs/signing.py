@@ -99,7 +99,7 @@ class Signing:
         return verdict in ACCEPTED
 
     def _judge(self, frame: bytes | bytearray) -> Verdict:
-        if frame[0] != MARKER_V2 or not frame[2] & SIGNED:
+        if not is_signed(frame):
             return Verdict.ALLOWED if message_id(frame) in UNSIGNED_ALLOWED else Verdict.UNSIGNED
         # Before anything of it is believed or remembered.
         if not is_signed_with(frame, self._key):
@@ -139,8 +139,7 @@ class Signing:
 
 def is_signed_with(frame: bytes | bytearray, key: SigningKey) -> bool:
     """The signature of this whole frame is there and right; says nothing of its age."""
-    signed = frame[0] == MARKER_V2 and bool(frame[2] & SIGNED)
-    return signed and hmac.compare_digest(_digest(key, frame[:-6]), bytes(frame[-6:]))
+    return is_signed(frame) and hmac.compare_digest(_digest(key, frame[:-6]), bytes(frame[-6:]))
 
 
 def _digest(key: SigningKey, signed: bytes | bytearray) -> bytes:
@@ -152,6 +151,14 @@ def open_signing(key_file: str | None, clock: Clock) -> Signing | None:
     return None if key_file is None else Signing.open(Path(key_file).expanduser(), clock)
 
 
-def security(signing: Signing | None) -> str:
+def is_signed(frame: bytes | bytearray) -> bool:
+    """There is a signature; says nothing of whose."""
+    return frame[0] == MARKER_V2 and bool(frame[2] & SIGNED)
+
+
+def security(signing: Signing | None, vehicle_signs: bool) -> str:
     """For people: whether senders are known."""
-    return "unsigned link" if signing is None else f"signed link, key {signing.fingerprint}"
+    if signing is not None:
+        return f"signed link, key {signing.fingerprint}"
+    hint = ", though the vehicle signs and may not believe us: give --signing-key" if vehicle_signs else ""
+    return f"unsigned link{hint}"

@@ -19,7 +19,7 @@ from gcs.errors import VehicleError
 from gcs.framing import Deframer, Encoder, FrameCounters, Message, message_id, split_frames
 from gcs.link_meters import LinkFigures, LossMeter, SlidingSum, WireCounters
 from gcs.pinning import VehiclePin
-from gcs.signing import Signing
+from gcs.signing import Signing, is_signed
 from gcs.tlog import TlogWriter
 from gcs.transport import Endpoint, Kind, Peer, Received, Transport, open_transport, parse_url
 
@@ -30,7 +30,6 @@ SYSTEM_ID, COMPONENT_ID = 255, 191
 
 _NO_SOCKET = Endpoint(Kind.UDP_IN, host="in-process")
 Subscriber: TypeAlias = Callable[[Message, float], None]
-Unsubscribe: TypeAlias = Callable[[], None]
 
 
 class Wire:
@@ -66,6 +65,7 @@ class Wire:
         self._received_rate = SlidingSum()
         self._sent_rate = SlidingSum()
         self.signing = signing
+        self.vehicle_signs = False
         self.counters = WireCounters()
         self.loss = LossMeter()
 
@@ -130,7 +130,7 @@ class Wire:
         """Counters of the frames received."""
         return self._deframer.counters
 
-    def subscribe(self, subscriber: Subscriber) -> Unsubscribe:
+    def subscribe(self, subscriber: Subscriber) -> Callable[[], None]:
         """Call `subscriber(message, t_arrival_s)` for every valid message; returns how to end that."""
         self._subscribers.append(subscriber)
         return lambda: self._subscribers.remove(subscriber)
@@ -167,6 +167,7 @@ class Wire:
         if not self._pin.is_ours(message, now_s):
             return not self._pin.is_impostor(message)
         self._found.set()
+        self.vehicle_signs = is_signed(message.get_msgbuf())
         self.loss.update(now_s, message.get_seq())
         if peer == self._peer:
             self._peer_t_s = now_s

@@ -13,7 +13,7 @@ from gcs import codec
 from gcs.clock import FakeClock
 from gcs.framing import Encoder
 from gcs.keys import KeyFileError, SigningKey, write_key
-from gcs.signing import Signing, Verdict
+from gcs.signing import Signing, Verdict, security
 from gcs.signing_time import EPOCH_UNIX_S, MARGIN, UNITS_PER_S
 from gcs.wire import Wire
 from tests.gcs.signing_peer import OTHER, SECRET, attack, digest, signer, verifier
@@ -253,3 +253,12 @@ def test_no_attack_is_believed_and_none_shuts_the_vehicle_out(tmp_path):
     assert all(
         refused[verdict] > 10_000 for verdict in (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.OLD)
     )
+
+
+def test_an_unsigned_station_is_told_that_the_vehicle_signs(tmp_path):
+    made = []
+    wire = Wire.over(lambda received: made.append(Loopback(received)) or made[0], clock=FakeClock())
+    made[0].received(bytes(heartbeat().pack(mav.MAVLink(None, 1, 1))), VEHICLE)
+    assert security(wire.signing, wire.vehicle_signs) == "unsigned link"
+    made[0].received(bytes(heartbeat().pack(signer())), VEHICLE)
+    assert "give --signing-key" in security(wire.signing, wire.vehicle_signs)
