@@ -22,6 +22,7 @@ MUTATED = ("gate", "gate_limits", "fence", "engagement", "causes", "preflight") 
 TESTS = (
     "tests/control/test_gate*.py",
     "tests/control/test_fence*.py",
+    "tests/control/engagement_story.py",
     "tests/control/test_engagement*.py",
     "tests/control/test_causes*.py",
     "tests/control/test_preflight*.py",
