@@ -14,6 +14,7 @@ from gcs.keys import SigningKey, read_key, write_key
 from gcs.signing import Signing, Verdict
 from gcs.wire import Wire
 from sitl_mocks.vehicle import MockVehicle, Mode
+from sitl_mocks.vehicle.core import UNIX_START_S
 from sitl_mocks.vehicle.server import run_udp
 from tests.gcs.signing_peer import OTHER, SECRET, signer
 from tests.gcs.vehicle_session import BOTH, CLOCK, session
@@ -28,7 +29,8 @@ def signing(tmp_path):
 
 @BOTH
 async def test_mavsdk_and_our_setpoints_fly_a_vehicle_that_wants_signatures(personality, signing):
-    async with session(personality, signing=signing, signing_key=SECRET, airborne_m=10.0) as s:
+    behind = {"unix_start_s": UNIX_START_S}
+    async with session(personality, signing=signing, signing_key=SECRET, airborne_m=10.0, **behind) as s:
         assert signing.counts[Verdict.OLD] > 0  # its clock is behind ours; our first heartbeat set it right
         await s.telemetry.wait_for(lambda st: st.position_t_s is not None, 5.0)
         name = "COM_OF_LOSS_T" if personality == "px4" else "GUID_TIMEOUT"
