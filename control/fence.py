@@ -48,7 +48,7 @@ class Fence:
     operator_north_m: float = ranged(-1000.0, 0.0, 1000.0)
     operator_east_m: float = ranged(-1000.0, 0.0, 1000.0)
     operator_distance_m: float | None = optional(10.0, 500.0)
-    margin_m: float = ranged(1.0, 1.0, 10.0)
+    margin_m: float = ranged(1.0, 1.5, 10.0)
     min_height_m: float = ranged(1.5, 3.0, 120.0)
     max_height_m: float = ranged(1.5, 60.0, 120.0)
 

@@ -16,7 +16,7 @@ from dataclasses import InitVar, dataclass
 from typing import Final
 
 from control.checks import finite, fresh, vector
-from control.gate_limits import TICK_S, Bound, Limits, bounds, kept, outside, stoppable_mps
+from control.gate_limits import TICK_S, Bound, Limits, bounds, height_bounds, kept, outside
 from control.types import Reason, Vec3, VehicleMode, VehicleState, VelocityRequest
 
 __all__ = ["TICK_S", "Limits", "Reason", "Setpoint", "gate"]
@@ -39,6 +39,12 @@ class Setpoint:
         if token is not _TOKEN:
             raise TypeError("only control.gate.gate makes a Setpoint")
 
+    def __init_subclass__(cls) -> None:
+        raise TypeError("nothing else is a Setpoint")
+
+    def __reduce__(self) -> str:
+        raise TypeError("a Setpoint is sent once, and neither copied nor stored")
+
 
 def gate(
     request: VelocityRequest | None,
@@ -60,7 +66,7 @@ def _shape(
     request: VelocityRequest, vehicle: VehicleState, now_s: float, previous: Setpoint | None, limits: Limits
 ) -> tuple[Motion, Reason]:
     """Clip, then slew. Both ends of the slew are clipped, so in one convex set: so is all between them."""
-    near = bounds(vehicle.position_ned_m, limits)
+    near = bounds(vehicle, limits)
     wanted, reason = _clip((*request.velocity_ned_mps, request.yaw_rate_rps), vehicle, near, limits)
     if wanted == _REST:
         return _REST, reason
@@ -104,7 +110,7 @@ def _why_zero(
     stamps = (vehicle.attitude_t_s, vehicle.position_t_s)
     if not all(fresh(t, now_s, limits.telemetry_age_s) for t in stamps):
         return Reason.TELEMETRY_STALE
-    if not (vector(vehicle.position_ned_m) and finite(vehicle.height_m)):
+    if not (vector(vehicle.position_ned_m) and vector(vehicle.velocity_ned_mps) and finite(vehicle.height_m)):
         return Reason.TELEMETRY_STALE
     if outside(vehicle.position_ned_m, vehicle.height_m, limits):
         return Reason.AT_FENCE
@@ -121,8 +127,7 @@ def _clip(motion: Motion, vehicle: VehicleState, near: list[Bound], limits: Limi
     down = min(max(down, -limits.max_climb_mps), limits.max_descent_mps)
     yaw = min(max(yaw, -limits.max_yaw_rate_rps), limits.max_yaw_rate_rps)
     reason = Reason.PASSED if (north, east, down, yaw) == motion else Reason.SPEED
-    sink_mps = stoppable_mps(vehicle.height_m - limits.fence.min_height_m, limits)
-    rise_mps = stoppable_mps(limits.fence.max_height_m - vehicle.height_m, limits)
+    sink_mps, rise_mps = height_bounds(vehicle, limits)
     if not -rise_mps <= down <= sink_mps:
         down, reason = min(max(down, -rise_mps), sink_mps), Reason.ALTITUDE
     inside = kept(north, east, near)

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from control.checks import check_ranges, finite, fresh, ranged, vector
+from control.checks import check_ranges, ranged
 from control.fence import Fence, walls
-from control.types import Vec3
+from control.types import Vec3, VehicleState
 
-__all__ = ["TICK_S", "Bound", "Limits", "bounds", "finite", "fresh", "kept", "outside", "stoppable_mps", "vector"]
+__all__ = ["TICK_S", "Bound", "Limits", "bounds", "height_bounds", "kept", "outside", "stoppable_mps"]
 
 TICK_S: Final = 0.05
 _HEIGHT_SLACK_M: Final = 1.0  # so far past floor or ceiling is a nudge, to be flown back; further is outside
@@ -52,14 +52,31 @@ def outside(position_ned_m: Vec3, height_m: float, limits: Limits) -> bool:
     return min(distance_m for _, _, distance_m in walls(fence, *position_ned_m[:2])) < fence.margin_m
 
 
-def bounds(position_ned_m: Vec3, limits: Limits) -> list[Bound]:
-    """How fast one may fly towards each wall of the fence that is within reach."""
-    near = [(n, e, stoppable_mps(m, limits)) for n, e, m in walls(limits.fence, *position_ned_m[:2])]
-    return [bound for bound in near if bound[2] < limits.max_speed_mps]
+def bounds(vehicle: VehicleState, limits: Limits) -> list[Bound]:
+    """How fast one may fly towards each wall of the fence that matters, and still stop before it.
+
+    Whatever is sent now acts late: until then the vehicle flies on as it does, wind and all.
+    """
+    north_mps, east_mps, _ = vehicle.velocity_ned_mps
+    found = []
+    for n, e, distance_m in walls(limits.fence, *vehicle.position_ned_m[:2]):
+        towards_mps = max(n * north_mps + e * east_mps, 0.0)
+        most_mps = stoppable_mps(distance_m - towards_mps * limits.response_s, limits)
+        if most_mps < limits.max_speed_mps:
+            found.append((n, e, most_mps))
+    return found
+
+
+def height_bounds(vehicle: VehicleState, limits: Limits) -> tuple[float, float]:
+    """How fast one may sink and climb (m/s) and still stop at floor and ceiling."""
+    down_mps, fence = vehicle.velocity_ned_mps[2], limits.fence
+    below_m = vehicle.height_m - fence.min_height_m - max(down_mps, 0.0) * limits.response_s
+    above_m = fence.max_height_m - vehicle.height_m - max(-down_mps, 0.0) * limits.response_s
+    return stoppable_mps(below_m, limits), stoppable_mps(above_m, limits)
 
 
 def kept(north_mps: float, east_mps: float, near: list[Bound]) -> tuple[float, float]:
-    """The velocity without what runs at a wall too fast: a convex set of velocities, with zero in it."""
+    """The velocity, less what runs at a wall too fast. What may stay is a convex set with zero in it."""
     for n, e, most_mps in near:
         excess_mps = max(n * north_mps + e * east_mps - most_mps, 0.0)
         north_mps, east_mps = north_mps - excess_mps * n, east_mps - excess_mps * e

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from control.causes import Cause
+from control.checks import fresh
 from control.config import EngagementConfig
-from control.gate_limits import fresh
 from control.types import VehicleMode, VehicleState
 
 

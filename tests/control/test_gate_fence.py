@@ -7,7 +7,7 @@ import pytest
 
 from control.fence import Fence
 from control.gate import Limits, Reason, gate
-from control.gate_limits import bounds, kept, outside, stoppable_mps
+from control.gate_limits import bounds, height_bounds, kept, outside, stoppable_mps
 from tests.control.gate_rig import HEALTHY, LIMITS, NOW, replace_time, request, settle
 
 SQUARE = Limits(fence=Fence(polygon_m=((-50.0, -50.0), (-50.0, 50.0), (50.0, 50.0), (50.0, -50.0))))
@@ -59,14 +59,14 @@ def test_without_walls_nothing_changes():
 
 
 def test_walls_out_of_reach_do_not_count():
-    assert bounds((0.0, 0.0, 0.0), LIMITS) == []
-    near = bounds((SIDE_M - 6.0, 0.0, 0.0), LIMITS)
+    assert bounds(HEALTHY, LIMITS) == []
+    near = bounds(at(SIDE_M - 6.0), LIMITS)
     assert 0 < len(near) < 32
     assert all(most < LIMITS.max_speed_mps for _, _, most in near)
     assert (1.0, 0.0) in [(n, e) for n, e, _ in near]
 
 
-@pytest.mark.parametrize("past_m", [-0.99, 0.0, 0.1, 50.0])
+@pytest.mark.parametrize("past_m", [-1.49, 0.0, 0.1, 50.0])
 def test_nearer_than_the_margin_everything_stops_even_inwards(past_m):
     flying, _ = settle((-5.0, 0.0, 0.0))
     for velocity in ((-5.0, 0.0, 0.0), (0.0, 0.0, -1.0)):
@@ -126,3 +126,27 @@ def test_a_fence_in_degrees_lets_nothing_move_before_home_is_known():
     assert settle((1.0, 0.0, 0.0), limits=Limits(fence=fence))[1] is Reason.AT_FENCE
     placed = Limits(fence=fence.placed(47.001, 8.0015))
     assert settle((1.0, 0.0, 0.0), limits=placed)[1] is Reason.PASSED
+
+
+def test_what_flies_at_a_side_already_is_told_less():
+    standing = bounds(at(SIDE_M - 20.0), LIMITS)
+    closing = bounds(replace(at(SIDE_M - 20.0), velocity_ned_mps=(5.0, 0.0, 0.0)), LIMITS)
+    leaving = bounds(replace(at(SIDE_M - 20.0), velocity_ned_mps=(-5.0, 0.0, 0.0)), LIMITS)
+    ahead = {(n, e): most for n, e, most in closing}
+    assert ahead[1.0, 0.0] == pytest.approx(stoppable_mps(20.0 - 5.0 * LIMITS.response_s, LIMITS))
+    assert leaving == standing
+    assert (1.0, 0.0, pytest.approx(stoppable_mps(20.0, LIMITS))) in standing
+
+
+@pytest.mark.parametrize(("down_mps", "sink_m", "rise_m"), [(0.0, 2.0, 55.0), (1.0, 1.1, 55.0), (-2.0, 2.0, 53.2)])
+def test_what_sinks_or_climbs_already_is_told_less(down_mps, sink_m, rise_m):
+    vehicle = replace(at(0.0, height_m=5.0), velocity_ned_mps=(0.0, 0.0, down_mps))
+    assert height_bounds(vehicle, LIMITS) == pytest.approx(
+        (stoppable_mps(sink_m, LIMITS), stoppable_mps(rise_m, LIMITS))
+    )
+
+
+def test_a_velocity_that_is_no_velocity_is_flying_blind():
+    for bad in (None, (1.0, 0.0), (math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)):
+        vehicle = replace(HEALTHY, velocity_ned_mps=bad)
+        assert gate(request(), vehicle, NOW, None, LIMITS)[1] is Reason.TELEMETRY_STALE

@@ -30,7 +30,7 @@ FENCE_RANGES = {
     "operator_north_m": (-1000.0, 0.0, 1000.0),
     "operator_east_m": (-1000.0, 0.0, 1000.0),
     "operator_distance_m": (10.0, None, 500.0),
-    "margin_m": (1.0, 1.0, 10.0),
+    "margin_m": (1.0, 1.5, 10.0),
     "min_height_m": (1.5, 3.0, 120.0),
     "max_height_m": (1.5, 60.0, 120.0),
 }
