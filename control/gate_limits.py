@@ -58,12 +58,12 @@ def bounds(vehicle: VehicleState, limits: Limits) -> list[Bound]:
     Whatever is sent now acts late: until then the vehicle flies on as it does, wind and all.
     """
     north_mps, east_mps, _ = vehicle.velocity_ned_mps
+    reach_m = limits.max_speed_mps * limits.response_s + limits.max_speed_mps**2 / (2 * limits.braking_mps2)
     found = []
     for n, e, distance_m in walls(limits.fence, *vehicle.position_ned_m[:2]):
-        towards_mps = max(n * north_mps + e * east_mps, 0.0)
-        most_mps = stoppable_mps(distance_m - towards_mps * limits.response_s, limits)
-        if most_mps < limits.max_speed_mps:
-            found.append((n, e, most_mps))
+        left_m = distance_m - max(n * north_mps + e * east_mps, 0.0) * limits.response_s
+        if left_m < reach_m:
+            found.append((n, e, stoppable_mps(left_m, limits)))
     return found
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from control.fence import Fence
+from control.fence import Fence, walls
 from control.gate import Limits, Reason, gate
 from control.gate_limits import bounds, height_bounds, kept, outside, stoppable_mps
 from tests.control.gate_rig import HEALTHY, LIMITS, NOW, replace_time, request, settle
@@ -58,12 +58,13 @@ def test_without_walls_nothing_changes():
     assert kept(0.5, 0.0, [(1.0, 0.0, 0.5)]) == (0.5, 0.0)
 
 
-def test_walls_out_of_reach_do_not_count():
-    assert bounds(HEALTHY, LIMITS) == []
-    near = bounds(at(SIDE_M - 6.0), LIMITS)
-    assert 0 < len(near) < 32
-    assert all(most < LIMITS.max_speed_mps for _, _, most in near)
-    assert (1.0, 0.0) in [(n, e) for n, e, _ in near]
+@pytest.mark.parametrize("limits", [LIMITS, Limits(max_speed_mps=5.0, response_s=1.5, braking_mps2=1.0)])
+def test_only_walls_within_reach_count_and_all_of_those(limits):
+    assert bounds(HEALTHY, limits) == []
+    near = at(SIDE_M - 6.0)
+    every = [(n, e, stoppable_mps(m, limits)) for n, e, m in walls(limits.fence, SIDE_M - 6.0, 0.0)]
+    assert bounds(near, limits) == [bound for bound in every if bound[2] < limits.max_speed_mps]
+    assert 3 < len(bounds(near, limits)) < 32
 
 
 @pytest.mark.parametrize("past_m", [-1.49, 0.0, 0.1, 50.0])

@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 WORKSPACE = ROOT / "build" / "mutation"
 EQUIVALENT = HERE / "equivalent.txt"
-MUTATED = ("gate", "gate_limits", "fence", "engagement", "causes", "preflight")  # of control/, where they exist
+MUTATED = ("gate", "gate_limits", "fence", "checks", "engagement", "causes", "preflight")  # of control/, where they exist
 TESTS = (
     "tests/control/test_gate*.py",
     "tests/control/test_fence*.py",
