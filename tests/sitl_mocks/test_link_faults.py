@@ -8,8 +8,11 @@ import sys
 from contextlib import closing
 
 import pytest
+from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.link_faults import Conditions, Link, OneWay, Proxy, main
+from sitl_mocks.vehicle import MockVehicle, Mode
+from sitl_mocks.vehicle.server import run_udp
 
 DATAGRAMS = [bytes([number % 256]) * 40 for number in range(2000)]
 
@@ -131,6 +134,35 @@ async def test_the_proxy_carries_two_vehicles_and_closes_each_way_by_itself() ->
             first_wire.sendto(b"open", proxy.address)
             assert await next_of(first) == b"OPEN"
             assert link.back.counts.lost == 1
+
+
+async def test_between_a_real_station_and_a_mock_vehicle_half_open_both_ways() -> None:
+    station = Station()
+    station_wire, station_address = await open_socket(station)
+    mock, observed = MockVehicle(airborne_m=10.0, rates_hz={0: 20.0}), []
+    packer = mavlink.MAVLink(None, 255, 190)
+    hold = bytes(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 129, 4, 5, 0, 0, 0, 0).pack(packer))
+    with closing(station_wire):
+        async with Proxy(("127.0.0.1", 0), station_address) as proxy:
+            flying = asyncio.create_task(
+                run_udp(mock, proxy.address, observe=lambda datagram, _: observed.append(datagram))
+            )
+            _, vehicle_address = await asyncio.wait_for(station.heard.get(), 5.0)
+            proxy.link.back.conditions = Conditions(closed=True)  # it does not hear us
+            station_wire.sendto(hold, vehicle_address)
+            assert await next_of(station)
+            assert not observed
+            proxy.link.back.conditions = Conditions()
+            proxy.link.forth.conditions = Conditions(closed=True)  # we do not hear it
+            while not station.heard.empty():
+                station.heard.get_nowait()
+            station_wire.sendto(hold, vehicle_address)
+            while mock.autopilot.mode is not Mode.RETURN:
+                await asyncio.sleep(0.01)
+            assert station.heard.empty()
+            assert observed == [hold]
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
 
 
 async def test_the_command_line_takes_orders_and_prints_its_counts() -> None:
