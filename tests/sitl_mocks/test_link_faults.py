@@ -154,6 +154,7 @@ async def test_between_a_real_station_and_a_mock_vehicle_half_open_both_ways() -
             assert not observed
             proxy.link.back.conditions = Conditions()
             proxy.link.forth.conditions = Conditions(closed=True)  # we do not hear it
+            await asyncio.sleep(0.1)  # what is in the sockets already
             while not station.heard.empty():
                 station.heard.get_nowait()
             station_wire.sendto(hold, vehicle_address)
