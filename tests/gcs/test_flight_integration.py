@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from control.engagement import State
+from control.engagement import Action, State
 from control.types import VehicleMode
 from gcs.app import make_flight, open_link
 from gcs.audit import Audit
@@ -217,7 +217,15 @@ async def test_abort_then_landing_is_no_takeover() -> None:
         await s.begin()
         with pytest.raises(RefusedError, match="abort first"):
             await s.orders.perform(Select(Box(320.0, 240.0, 40.0, 40.0)))
-        await s.orders.perform(Abort())
+        before, sent = s.flight.tick, s.flight.link.wire.counters.setpoints_sent
+        await s.orders.perform(Abort())  # nothing is waited for: the zero has left when this returns
+        aborted = s.flight.tick
+        assert aborted is not None
+        assert aborted is not before
+        assert s.flight.link.wire.counters.setpoints_sent == sent + 1
+        assert aborted.setpoint is not None
+        assert (*aborted.setpoint.velocity_ned_mps, aborted.setpoint.yaw_rate_rps) == (0.0, 0.0, 0.0, 0.0)
+        assert aborted.output.action is Action.COMMAND_HOLD
         await s.mode(Mode.HOLD)
         await s.orders.perform(Acknowledge())
         await s.orders.perform(Confirm())
