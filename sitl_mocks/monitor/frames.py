@@ -15,9 +15,13 @@ _V1, _V2, _SIGNED = 0xFE, 0xFD, 0x01
 _CHECKSUM_BYTES, _SIGNATURE_BYTES = 2, 13
 
 
-def judged_messages(datagram: bytes) -> Iterator[Any | None]:
-    """The decoded messages that matter, in order; None for each stretch of bytes that is no whole frame."""
-    decoder = mavlink.MAVLink(None)  # without a key it takes signed frames without looking at the signature
+def make_decoder() -> Any:
+    """Without a key it takes signed frames without looking at the signature; it keeps nothing from frame to frame."""
+    return mavlink.MAVLink(None)
+
+
+def judged_messages(datagram: bytes, decoder: Any) -> Iterator[Any | None]:
+    """The decoded messages that matter, in order; None at the end if anything was no whole, sound frame."""
     start, broken = 0, False
     while start < len(datagram):
         end = _frame_end(datagram, start)

@@ -44,6 +44,7 @@ class WireMonitor:
     _external: bool = False
     _left_external_s: float | None = None
     _outside: bool = False
+    _decoder: Any = field(init=False, repr=False, default_factory=frames.make_decoder)
 
     def __post_init__(self) -> None:
         self.engagement = Engagement(self.limits)
@@ -83,7 +84,7 @@ class WireMonitor:
     def feed(self, now_s: float, datagram: bytes, truth: Truth) -> None:
         """One datagram that reached the vehicle at now_s while it was in the state `truth`."""
         self.tick(now_s, truth)
-        for message in frames.judged_messages(datagram):
+        for message in frames.judged_messages(datagram, self._decoder):
             if message is None:
                 self.broken += 1
                 continue
