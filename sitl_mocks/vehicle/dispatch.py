@@ -48,6 +48,7 @@ class Dispatcher:
             "PARAM_SET": self._param_set,
             "PING": self._ping,
             "TIMESYNC": self._timesync,
+            "SETUP_SIGNING": self._setup_signing,
             "MANUAL_CONTROL": self._manual_control,
             "RC_CHANNELS_OVERRIDE": self._rc_override,
         }
@@ -154,6 +155,12 @@ class Dispatcher:
         if message.tc1 == 0:
             boot_ns = round(self._vehicle.view(now_s).boot_s * 1e9)
             self._outbox.put(mavlink.MAVLink_timesync_message(boot_ns, message.ts1), now_s)
+
+    def _setup_signing(self, message: Any, now_s: float) -> None:
+        """Taken on the ground only; once there is a key, an unsigned one does not get this far."""
+        del now_s
+        if self._for_us(message) and not self._vehicle.autopilot.armed:
+            self._vehicle.signing.set_up(bytes(message.secret_key), message.initial_timestamp)
 
     # -- sticks ---------------------------------------------------------------------------------------------
 

@@ -55,9 +55,18 @@ class Signing:
     def __post_init__(self) -> None:
         if self.key is not None and len(self.key) != KEY_BYTES:
             raise ValueError(f"signing_key must have {KEY_BYTES} bytes, got {len(self.key)}")
+        self._state.allow_unsigned_callback = self._takes_unsigned
+        self._use()
+
+    def set_up(self, key: bytes, timestamp: int) -> None:
+        """SETUP_SIGNING: take this key from now on; all zeros with a zero time stamp switch signing off."""
+        self.key = key if any(key) or timestamp else None
+        self._state.timestamp = max(self._state.timestamp, timestamp)
+        self._use()
+
+    def _use(self) -> None:
         self._state.secret_key = self.key
         self._state.sign_outgoing = self.key is not None
-        self._state.allow_unsigned_callback = self._takes_unsigned
 
     def codec(self, system_id: int, component_id: int) -> Any:
         """A pymavlink codec that signs and checks with this key."""

@@ -122,3 +122,21 @@ def test_the_signing_outlives_a_reboot() -> None:
 def test_a_bad_key_is_refused() -> None:
     with pytest.raises(ValueError, match="32 bytes"):
         MockVehicle(signing_key=b"short")
+
+
+def test_a_key_is_set_up_on_the_ground_changed_only_by_who_has_it_and_switched_off_with_zeros() -> None:
+    def setup(key: bytes, stamp: int) -> Any:
+        return mavlink.MAVLink_setup_signing_message(1, 1, list(key), stamp)
+
+    armed = MockVehicle(airborne_m=20.0)
+    armed.receive(bytes(setup(KEY, 1).pack(codec(None))), 5.0)
+    assert armed.signing.key is None
+    mock = MockVehicle()
+    mock.receive(bytes(setup(KEY, 1).pack(codec(None))), 5.0)
+    assert mock.signing.key == KEY
+    assert all(datagram[2] & 1 for datagram in mock.step(6.0))
+    mock.receive(bytes(setup(OTHER, 1).pack(codec(None))), 6.0)
+    assert mock.signing.key == KEY
+    mock.receive(bytes(setup(bytes(32), 0).pack(codec(KEY))), 6.1)
+    assert mock.signing.key is None
+    assert not any(datagram[2] & 1 for datagram in mock.step(7.0))
