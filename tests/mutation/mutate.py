@@ -18,7 +18,15 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 WORKSPACE = ROOT / "build" / "mutation"
 EQUIVALENT = HERE / "equivalent.txt"
-MUTATED = ("gate", "gate_limits", "fence", "checks", "engagement", "causes", "preflight")  # of control/, where they exist
+MUTATED = (
+    "gate",
+    "gate_limits",
+    "fence",
+    "checks",
+    "engagement",
+    "causes",
+    "preflight",
+)  # of control/, where they exist
 TESTS = (
     "tests/control/test_gate*.py",
     "tests/control/test_fence*.py",
@@ -41,6 +49,7 @@ use_git_change_detection = false
 [tool.pytest.ini_options]
 addopts = "-q -x --strict-markers"
 markers = ["slow: more than a few seconds"]
+asyncio_default_fixture_loop_scope = "function"
 """
 
 
@@ -53,7 +62,7 @@ def main() -> int:
     known = equivalents(EQUIVALENT.read_text(encoding="utf-8"))
     prepare()
     command = [sys.executable, "-m", "mutmut", "run", "--max-children", str(args.jobs), *args.only]
-    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "GATE_CALLS": "3000", "GATE_EXAMPLES": "20"}
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "GATE_CALLS": "2000", "GATE_EXAMPLES": "15"}
     done = subprocess.run(command, cwd=WORKSPACE, env=environment, check=False)
     if done.returncode:
         print("mutmut itself failed: see above", file=sys.stderr)
@@ -67,10 +76,9 @@ def prepare() -> None:
     ignore = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "control", WORKSPACE / "control", ignore=ignore)
     tests = sorted(path for pattern in TESTS for path in ROOT.glob(pattern))
-    for path in (*tests, *(ROOT / "tests").glob("*/__init__.py"), ROOT / "tests" / "__init__.py"):
-        copy = WORKSPACE / path.relative_to(ROOT)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, copy)
+    for folder in ("tests/control", "tests/property"):
+        shutil.copytree(ROOT / folder, WORKSPACE / folder, ignore=ignore)
+    shutil.copy(ROOT / "tests" / "__init__.py", WORKSPACE / "tests")
     mutated = [f"control/{name}.py" for name in MUTATED if (ROOT / "control" / f"{name}.py").exists()]
     selection = [str(path.relative_to(ROOT)) for path in tests]
     (WORKSPACE / "pyproject.toml").write_text(CONFIG.format(mutated=mutated, tests=selection), encoding="utf-8")

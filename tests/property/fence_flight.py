@@ -11,7 +11,7 @@ import math
 import random
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from control.engagement import Action, Engagement, Inputs, State
 from control.gate import Limits, Setpoint, gate
@@ -102,7 +102,8 @@ def fly(
     for tick in range(round(s / TICK_S)):
         now_s = 100.0 + tick * TICK_S
         seen.append((place, velocity))
-        inputs = _inputs(now_s, *seen[0], limits, confirm=tick == 2, ours=flown.released_s is None and tick > 2)
+        mode = VehicleMode.EXTERNAL if flown.released_s is None and tick > 2 else VehicleMode.HOLD
+        inputs = healthy_inputs(now_s, *seen[0], limits, mode=mode, confirm=tick == 2)
         output = engagement.update(now_s, inputs)
         wanted = pilot(now_s, seen[0][0]) if output.action is Action.SEND_REQUEST else (0.0, 0.0)
         silent = output.action in (Action.NONE, Action.SILENCE)
@@ -138,18 +139,26 @@ def _hold(place: Pair, held: Pair) -> Pair:
     return HOLD_GAIN_PS * (held[0] - place[0]), HOLD_GAIN_PS * (held[1] - place[1])
 
 
-def _inputs(now_s: float, place: Pair, velocity: Pair, limits: Limits, *, confirm: bool, ours: bool) -> Inputs:
+def healthy_inputs(
+    now_s: float,
+    place: Pair,
+    velocity: Pair = (0.0, 0.0),
+    limits: Limits | None = None,
+    *,
+    mode: VehicleMode = VehicleMode.EXTERNAL,
+    confirm: bool = False,
+) -> Inputs:
+    """Everything green but, perhaps, the place."""
     vehicle = VehicleState(
-        heartbeat_t_s=now_s, mode=VehicleMode.EXTERNAL if ours else VehicleMode.HOLD, mode_t_s=now_s, armed=True,
-        in_air=True, attitude_t_s=now_s, position_t_s=now_s, position_ned_m=(*place, -20.0), height_m=20.0,
-        velocity_ned_mps=(*velocity, 0.0),
+        heartbeat_t_s=now_s, mode=mode, mode_t_s=now_s, armed=True, in_air=True, attitude_t_s=now_s,
+        position_t_s=now_s, position_ned_m=(*place, -20.0), velocity_ned_mps=(*velocity, 0.0), height_m=20.0,
         battery_frac=0.8,
     )  # fmt: skip
-    healthy = Inputs(
+    return Inputs(
         vehicle=vehicle, frame_t_s=now_s, selected=True, measured_t_s=now_s, confidence=0.9, latency_s=0.15,
-        attitude_rate_hz=50.0, request_t_s=now_s, outside_fence=outside(vehicle.position_ned_m, 20.0, limits),
+        attitude_rate_hz=50.0, request_t_s=now_s, confirm=confirm,
+        outside_fence=outside(vehicle.position_ned_m, 20.0, limits or Limits()),
     )  # fmt: skip
-    return replace(healthy, confirm=confirm)
 
 
 def beyond_polygon(corners: tuple[Pair, ...]) -> Callable[[Pair], float]:
