@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -15,6 +16,7 @@ Message: TypeAlias = Any  # a pymavlink MAVLink_message; the package carries no 
 MARKER_V1, MARKER_V2 = 0xFE, 0xFD
 SIGNED = 0x01  # the only incompatibility flag there is
 _SIGNATURE_BYTES = 13
+_MARKER = re.compile(b"[\xfd\xfe]")
 MAX_DATAGRAM_BYTES = 4096  # more is not MAVLink; bounds the time that garbage can cost
 
 
@@ -89,31 +91,26 @@ class Deframer:
                 if keep_unfinished:
                     break
                 length = 0
-            used, message = self._frame(buffer, at, length)
+            message = self._message(buffer[at : at + length])
             if message is not None:
                 messages.append(message)
-            at += used
+                self.counters.good += 1
+                at += length
+            else:
+                self.counters.bad += not self._in_garbage
+                marker = _MARKER.search(buffer, at + 1)
+                at = marker.start() if marker is not None else len(buffer)
+            self._in_garbage = message is None
         return messages, at
 
-    def _frame(self, buffer: bytearray, at: int, length: int) -> tuple[int, Message | None]:
-        """Bytes consumed at `at`, and the message if there is a valid one; length 0 = no frame here."""
-        if length == 0:
-            return self._garbage()
-        frame = buffer[at : at + length]
-        if message_id(frame) not in dialect.mavlink_map:  # its checksum cannot be known
-            return self._garbage()
+    def _message(self, frame: bytearray) -> Message | None:
+        """The message of a frame, if it is a valid one; empty = no frame."""
+        if not frame or message_id(frame) not in dialect.mavlink_map:  # its checksum cannot be known
+            return None
         try:
-            message = self._mav.decode(frame)
+            return self._mav.decode(frame)
         except (dialect.MAVError, struct.error, ValueError):
-            return self._garbage()
-        self.counters.good += 1
-        self._in_garbage = False
-        return length, message
-
-    def _garbage(self) -> tuple[int, None]:
-        self.counters.bad += not self._in_garbage
-        self._in_garbage = True
-        return 1, None
+            return None
 
 
 def _frame_length(buffer: bytearray, at: int) -> int | None:
