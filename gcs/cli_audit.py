@@ -79,7 +79,7 @@ def _json(audit: Audit) -> str:
     rows = [
         {
             "name": finding.name,
-            "value": finding.value,
+            "value": finding.value if finding.value is not None and math.isfinite(finding.value) else None,
             "wanted": finding.wanted,
             "set_to": finding.set_to,
             "level": finding.level.value,
