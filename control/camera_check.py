@@ -16,7 +16,10 @@ from typing import Final
 from control.attitude import wrap_pi
 from control.types import BearingMeasurement
 
-_STD_RAD: Final = 0.008  # of an angle in the picture: the box's jitter and the attitude's age
+# Of an angle in the picture, across and upwards: the box's jitter, the attitude's age (a vehicle nods more quickly
+# than it turns), a box cut off below.
+_ACROSS_STD_RAD: Final = 0.008
+_UPWARD_STD_RAD: Final = 0.02
 _ACCELERATION_RPS2: Final = 0.1  # of the target as seen; its square times a second is the noise's density
 _RATE_STD_RPS: Final = 0.3
 _WORST_ERROR: Final = 16.0  # squared and by its variance; no single picture decides
@@ -37,22 +40,23 @@ class Verdict(Enum):
 class _Filter:
     """A constant-rate Kalman filter on an angle in the picture that moves by `gain` for each radian of yaw."""
 
-    def __init__(self, gain: float) -> None:
+    def __init__(self, gain: float, std_rad: float) -> None:
         self._gain = gain
+        self._noise = std_rad**2
         self.error = self.mean_error = 1.0  # of the prediction: squared and by its variance
         self.begin(0.0, 0.0)
 
     def begin(self, angle_rad: float, yaw_rad: float) -> None:
         """Only this one angle is known."""
         self._at_rad, self._rate_rps = angle_rad - self._gain * yaw_rad, 0.0
-        self._variance, self._covariance, self._rate_variance = _STD_RAD**2, 0.0, _RATE_STD_RPS**2
+        self._variance, self._covariance, self._rate_variance = self._noise, 0.0, _RATE_STD_RPS**2
 
     def fuse(self, angle_rad: float, yaw_rad: float, dt_s: float) -> None:
         """This angle is seen dt_s (s) later."""
         q = _ACCELERATION_RPS2**2
         pp = self._variance + dt_s * (2 * self._covariance + dt_s * self._rate_variance) + q * dt_s**3 / 3
         pr = self._covariance + dt_s * self._rate_variance + q * dt_s**2 / 2
-        s = pp + _STD_RAD**2
+        s = pp + self._noise
         error_rad = angle_rad - self._gain * yaw_rad - self._at_rad - self._rate_rps * dt_s
         self._at_rad += self._rate_rps * dt_s + pp / s * error_rad
         self._rate_rps += pr / s * error_rad
@@ -65,8 +69,8 @@ class _Filter:
 class _Channel:
     """An angle in the picture, and how well each gain foretells it."""
 
-    def __init__(self) -> None:
-        self._filters = {gain: _Filter(gain) for gain in (-1.0, 0.0, 1.0)}
+    def __init__(self, std_rad: float) -> None:
+        self._filters = {gain: _Filter(gain, std_rad) for gain in (-1.0, 0.0, 1.0)}
 
     def saw(self, angle_rad: float, yaw_rad: float, dt_s: float) -> dict[float, float]:
         """Minus the logarithm of each gain's likelihood, but for what all have in common.
@@ -91,7 +95,7 @@ class CameraCheck:
     def reset(self) -> None:
         """Another target: nothing is known."""
         self.verdict = Verdict.OPEN
-        self._across, self._upward = _Channel(), _Channel()
+        self._across, self._upward = _Channel(_ACROSS_STD_RAD), _Channel(_UPWARD_STD_RAD)
         # By the gains across and upwards: mirrored or upside down, on a gimbal, rolled one way and the other.
         self._odds = {(1.0, 0.0): 0.0, (0.0, 0.0): 0.0, (0.0, 1.0): 0.0, (0.0, -1.0): 0.0}
         self._t_s = -math.inf
