@@ -254,7 +254,7 @@ class Flight:
         confirmation = self.control.confirmation if self.control.is_engaged else None
         vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
         now_s = self.clock.now_s()
-        warnings = link_warnings(self.link.telemetry, now_s) if now_s > self._settled_s else ()
+        warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
         return make_status(
             now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link_summary(self.link.wire, now_s)
         )

@@ -149,13 +149,19 @@ def link_summary(wire: Wire, now_s: float) -> str:
     return f"in {figures.received_bytes_per_s / 1000:.1f} out {figures.sent_bytes_per_s / 1000:.1f} kB/s, {kind}"
 
 
-def link_warnings(telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
-    """What is not heard of the vehicle, though flying may still do."""
+def link_warnings(wire: Wire, telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
+    """What is not heard of the vehicle, and what is heard of others, though flying may still do."""
     heard_s = telemetry.vehicle_state().heartbeat_t_s
     if heard_s is None or now_s - heard_s > LINK_LOST_S:
         return ("nothing is heard of the vehicle",)
-    missing = telemetry.missing_streams(now_s)
-    return (f"missing: {', '.join(missing)}",) if missing else ()
+    found = []
+    if missing := telemetry.missing_streams(now_s):
+        found.append(f"missing: {', '.join(missing)}")
+    if others := wire.other_vehicles(now_s):
+        found.append(f"ignored: {', '.join(others)}")
+    if wire.signing is not None and (alarm := wire.signing.alarm(now_s)):
+        found.append(alarm)
+    return tuple(found)
 
 
 def _distance_m(

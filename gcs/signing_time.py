@@ -41,13 +41,13 @@ class SigningTime:
         wall = int(((time.time() if wall_s is None else wall_s) - EPOCH_UNIX_S) * UNITS_PER_S)
         self._base = max(wall, reserved, 0)
         self._newest = self._base
-        self._reserved = reserved
+        self._reserved = self._written = reserved
         self._saving: threading.Thread | None = None
         self._failed = False
         try:
             self._save(self._newest + MARGIN, self.streams)
         except OSError as error:
-            raise SigningTimeError(f"signing time {path}: {(error.strerror or str(error)).lower()}") from None
+            raise SigningTimeError(f"signing time {path}: {_reason(error).lower()}") from None
 
     def now(self) -> int:
         """The present moment; what is used next is later than this."""
@@ -77,28 +77,37 @@ class SigningTime:
     def _save_later(self, reserved: int, streams: Mapping[Stream, int]) -> None:
         try:
             self._save(reserved, streams)
-        except OSError as error:
+        except (OSError, SigningTimeError) as error:
             if not self._failed:
                 # Flying on matters more: a time could only repeat if the clock went back as well.
-                log.warning("signing time %s is not kept any more: %s", self._path, error.strerror or error)
+                log.warning("signing time %s is not kept any more: %s", self._path, _reason(error))
             self._failed = True
             self._reserved = reserved
         self._saving = None
 
     def _save(self, reserved: int, streams: Mapping[Stream, int]) -> None:
+        on_disk, _ = _read(self._path)
+        if on_disk != self._written:  # another of our programs uses the key: never below what it has reserved
+            reserved = max(reserved, on_disk)
         lines = [str(reserved), *(f"{link} {sys} {comp} {t}" for (link, sys, comp), t in sorted(streams.items()))]
         _replace(self._path, "\n".join(lines) + "\n")
-        self._reserved = reserved
+        self._reserved = self._written = reserved
 
     def close(self) -> None:
         """Write what was really used last (blocks on the disk)."""
         saving = self._saving
         if saving is not None:
             saving.join(2.0)
+            if saving.is_alive():  # the disk is stuck; what is being written is enough
+                return
         try:
             self._save(self._newest, self.streams)
-        except OSError as error:
-            log.warning("signing time %s: %s", self._path, error.strerror or error)
+        except (OSError, SigningTimeError) as error:
+            log.warning("signing time %s is not kept: %s", self._path, _reason(error))
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
 
 
 def _read(path: Path) -> tuple[int, dict[Stream, int]]:
@@ -112,14 +121,14 @@ def _read(path: Path) -> tuple[int, dict[Stream, int]]:
     except FileNotFoundError:
         return 0, {}
     except OSError as error:
-        raise SigningTimeError(f"signing time {path}: {(error.strerror or str(error)).lower()}") from None
+        raise SigningTimeError(f"signing time {path}: {_reason(error).lower()}") from None
     except (ValueError, IndexError):
         raise SigningTimeError(f"signing time {path}: damaged; delete it once this computer's clock is right") from None
     return reserved, streams
 
 
 def _replace(path: Path, text: str) -> None:
-    beside = path.with_name(path.name + ".new")
+    beside = path.with_name(f"{path.name}.{os.getpid()}.new")
     with beside.open("w", encoding="ascii") as file:
         file.write(text)
         file.flush()

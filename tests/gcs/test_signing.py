@@ -205,6 +205,17 @@ def test_an_orderly_end_keeps_exactly_what_was_used(tmp_path):
     assert not Link(tmp_path).hear(replay)  # a restart does not make it new
 
 
+def test_two_programs_with_one_key_never_lower_what_the_other_has_reserved(tmp_path):
+    times = tmp_path / "signing.key.time"
+    first, second = Link(tmp_path), Link(tmp_path)
+    first.clock.advance(3600.0)
+    newest = used(first)
+    saved(first)
+    second.signing.close()  # an hour behind
+    assert int(times.read_text().split()[0]) > newest
+    assert used(Link(tmp_path)) > newest
+
+
 def test_damaged_or_unwritable_times_are_one_clear_error(tmp_path):
     Link(tmp_path)
     times = tmp_path / "signing.key.time"
@@ -228,7 +239,8 @@ def test_a_full_disk_does_not_stop_the_sending(link, caplog, monkeypatch):
         assert link.wire.send_heartbeat() or link.wire.counters.unsent == 0
         saved(link)
     assert len(link.transport.sent) == 10
-    assert [r.getMessage().endswith("not kept any more: No space left on device") for r in caplog.records] == [True]
+    (warning,) = caplog.records
+    assert warning.getMessage().endswith("not kept any more: No space left on device")
 
 
 def test_without_its_file_there_is_no_signing(tmp_path):
