@@ -69,7 +69,7 @@ class Fence:
         return replace(self, polygon_m=self._in_metres(home), polygon_deg=()) if self.polygon_deg else self
 
     def _in_metres(self, home: Point) -> tuple[Point, ...]:
-        return tuple(_offset_m(corner, home) for corner in self.polygon_deg)
+        return tuple(offset_m(corner, home) for corner in self.polygon_deg)
 
 
 def walls(fence: Fence, north_m: float, east_m: float) -> list[Wall]:
@@ -152,8 +152,8 @@ def _turn(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _offset_m(place_deg: Point, home_deg: Point) -> Point:
-    """North and east (m) of home."""
+def offset_m(place_deg: Point, home_deg: Point) -> Point:
+    """North and east (m) of home of a place, both as latitude and longitude (deg)."""
     north_deg = place_deg[0] - home_deg[0]
     east_deg = (place_deg[1] - home_deg[1] + 180.0) % 360.0 - 180.0
     per_deg = math.radians(_EARTH_RADIUS_M)

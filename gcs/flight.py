@@ -150,8 +150,9 @@ class Flight:
         """One tick: decide, send once, command the modes it asks for."""
         self.control.audit_ok = self.audit.ok
         wire, telemetry = self.link.wire, self.link.telemetry
-        if telemetry.home is not None:
-            self.control.home_at(telemetry.home.latitude_deg, telemetry.home.longitude_deg)
+        home = telemetry.home_frame.home
+        if home is not None:
+            self.control.home_at(home.latitude_deg, home.longitude_deg)
         tick = self.control.tick(now_s, telemetry.vehicle_state(), link_health(wire, telemetry, now_s))
         if tick.setpoint is not None:
             self.link.wire.send_setpoint(tick.setpoint)

@@ -15,6 +15,7 @@ from gcs.clock import Clock
 from gcs.codec import VehicleId
 from gcs.errors import VehicleError
 from gcs.framing import Message, dialect
+from gcs.home_frame import Home, HomeFrame
 from gcs.statustext import StatusText, StatusTextAssembler
 from gcs.streams import StreamKeeper
 from gcs.wire import COMPONENT_ID, SYSTEM_ID, Wire
@@ -51,15 +52,6 @@ class SetpointEcho:
     velocity_ned_mps: Vec3
 
 
-@dataclass(frozen=True, slots=True)
-class Home:
-    """HOME_POSITION: degrees, and metres above mean sea level."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-
-
 class Telemetry:
     """Listens on a wire; `run()` asks for the streams. All on the wire's event loop."""
 
@@ -79,7 +71,8 @@ class Telemetry:
         self.acks: deque[Ack] = deque(maxlen=_ACKS)
         self.intended_mode = VehicleMode.UNKNOWN  # PX4: where a failsafe would return to by itself
         self.prearm_ok: bool | None = None  # SYS_STATUS: the vehicle's own pre-arm checks
-        self.home: Home | None = None
+        self.home: Home | None = None  # as last told
+        self.home_frame = HomeFrame()
         self.setpoint_echo: SetpointEcho | None = None
         self.foreign_stations: dict[tuple[int, int], float] = {}  # (system, component) -> last heard, s
         self.reconnects = 0
@@ -92,10 +85,12 @@ class Telemetry:
         return self._wire.vehicle
 
     def vehicle_state(self) -> VehicleState:
-        """The newest of everything. position_t_s is the older of position and height: both are that fresh."""
+        """The newest of everything, positions from home. position_t_s: the older of position's and height's."""
+        position_ned_m = self.home_frame.from_home(self._state.position_ned_m)
         if self._local_t_s is None or self._height_t_s is None:
-            return replace(self._state, position_t_s=None)
-        return replace(self._state, position_t_s=min(self._local_t_s, self._height_t_s))
+            return replace(self._state, position_ned_m=position_ned_m, position_t_s=None)
+        position_t_s = min(self._local_t_s, self._height_t_s)
+        return replace(self._state, position_ned_m=position_ned_m, position_t_s=position_t_s)
 
     def on_message(self, message: Message, t_s: float) -> None:
         """A valid message of anybody arrived at t_s."""
@@ -133,6 +128,7 @@ class Telemetry:
                 self._local_t_s = t_s
             case "GLOBAL_POSITION_INT":
                 self._height_t_s = t_s
+                self._place(message)
             case "STATUSTEXT":
                 self.texts.extend(self._assembler.add(message, t_s))
             case "COMMAND_ACK":
@@ -145,6 +141,12 @@ class Telemetry:
                 self.home = Home(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
             case "POSITION_TARGET_LOCAL_NED":
                 self._echo(message, t_s)
+
+    def _place(self, message: Message) -> None:
+        if self.home is not None and self._local_t_s is not None:
+            place_deg = message.lat / 1e7, message.lon / 1e7
+            local_ned_m, in_air = self._state.position_ned_m, self._state.in_air
+            self.home_frame.heard(self.home, place_deg, local_ned_m, in_air=in_air)
 
     def _ack(self, message: Message, t_s: float) -> None:
         target = (message.target_system, message.target_component)

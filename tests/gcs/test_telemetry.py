@@ -154,3 +154,12 @@ def test_no_vehicle_yet_is_a_clear_error(wire, telemetry):
     with pytest.raises(VehicleError, match="no vehicle has been heard"):
         _ = telemetry.vehicle
     assert telemetry.vehicle_state().mode is VehicleMode.UNKNOWN
+
+
+def test_positions_are_counted_from_home(wire, telemetry):
+    wire.hear(mav.MAVLink_home_position_message(470000000, 80000000, 400000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0), 1.0)
+    wire.hear(local(x=25.0), 1.0)
+    assert telemetry.vehicle_state().position_ned_m == (25.0, 0.0, -5.0)
+    wire.hear(mav.MAVLink_global_position_int_message(1, 470000000, 80000000, 0, 0, 0, 0, 0, 0), 1.0)
+    assert telemetry.vehicle_state().position_ned_m == (0.0, 0.0, -5.0)
+    assert telemetry.home_frame.home == telemetry.home
