@@ -172,10 +172,9 @@ class Proxy:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        assert self._front is not None
-        self._front.close()
-        for opening in self._back.values():
-            (await opening).close()
+        for transport in (self._front, *await asyncio.gather(*self._back.values())):
+            if transport is not None:
+                transport.close()
 
     def _from_front(self, data: bytes, sender: Address) -> None:
         if sender not in self._back:
