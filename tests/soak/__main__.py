@@ -175,7 +175,10 @@ async def real(minutes: float) -> Record:
             summary = w.monitor.summary()
             record.unsafe, record.reasons = summary["unsafe"], str(summary["reasons"][:3])
             if w.mode is not Mode.EXTERNAL:
-                record.unsafe, record.reasons = record.unsafe + 1, f"the follow ended: {s.lines[-3:]}"
+                record.unsafe, record.reasons = (
+                    record.unsafe + 1,
+                    f"the follow ended: {[x for x in s.lines if 'state' in x][-3:]}",
+                )
     return record
 
 
