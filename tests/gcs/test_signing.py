@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import time
 from collections import Counter
@@ -249,9 +250,10 @@ def test_without_its_file_there_is_no_signing(tmp_path):
 
 
 def test_no_attack_is_believed_and_none_shuts_the_vehicle_out(tmp_path):
+    """FORGED=100000 for the full run."""
     link, rng, kinds = Link(tmp_path), random.Random(11), Counter()
     ours, seen = signer(timestamp=now_units()), []
-    for n in range(100_000):
+    for n in range(int(os.environ.get("FORGED", "20000"))):
         if n % 50 == 0:
             good = bytes(heartbeat().pack(ours))
             assert link.hear(good)
@@ -260,11 +262,9 @@ def test_no_attack_is_believed_and_none_shuts_the_vehicle_out(tmp_path):
         kinds[kind] += 1
         assert not link.hear(frame), (n, kind, frame.hex())
     assert len(link.believed) == len(seen)
-    assert min(kinds.values()) > 10_000
+    assert min(kinds.values()) > 2000
     refused = link.signing.counts
-    assert all(
-        refused[verdict] > 10_000 for verdict in (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.OLD)
-    )
+    assert all(refused[verdict] > 2000 for verdict in (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.OLD))
 
 
 def test_an_unsigned_station_is_told_that_the_vehicle_signs(tmp_path):

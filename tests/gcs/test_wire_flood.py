@@ -63,7 +63,7 @@ class Flooded:
 
 def test_4000_messages_a_second_do_not_fill_the_memory():
     flooded = Flooded()
-    assert grown_bytes(flooded.message, 8000, 8000) < 60_000
+    assert grown_bytes(flooded.message, 8000, 4000) < 60_000
     figures = flooded.wire.figures(flooded.clock.now_s())
     assert 3900 < figures.received_per_s < 4100  # the flood was one
     assert figures.received_bytes_per_s > 60_000
@@ -84,8 +84,8 @@ def test_garbage_and_strangers_do_not_fill_the_memory():
         flooded.transport.received(bytes(heartbeat().pack(stranger)), ("stranger", n % 60_000))
         flooded.transport.received(garbage, VEHICLE)
 
-    assert grown_bytes(work, 3000, 6000) < 60_000
-    assert flooded.wire.counters.foreign_datagrams == 9000
+    assert grown_bytes(work, 3000, 3000) < 60_000
+    assert flooded.wire.counters.foreign_datagrams == 6000
     assert {message.get_srcSystem() for message in seen} == {1}
     assert flooded.wire.vehicle.system_id == 1
 
