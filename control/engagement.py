@@ -149,9 +149,9 @@ class Engagement:
 
     def _target_causes(self, now_s: float, inputs: Inputs, gap_s: float) -> tuple[Cause, ...]:
         """How long the target is unseen; in a row, or in pieces that being seen has not made up for."""
-        config = self._config
-        if target_seen(inputs, now_s, config):
-            self._seen_s = max(self._seen_s, inputs.measured_t_s or self._seen_s)
+        config, measured_t_s = self._config, inputs.measured_t_s
+        if measured_t_s is not None and target_seen(inputs, now_s, config):
+            self._seen_s = max(self._seen_s, measured_t_s)
             self._unseen_debt_s = max(self._unseen_debt_s - _RECOVERY * gap_s, 0.0)
             return ()
         self._unseen_debt_s += gap_s

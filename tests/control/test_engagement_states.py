@@ -99,6 +99,8 @@ def check_step(start, mode, names, out):
 
 def check_output(mode, out):
     """State, action and factor fit together."""
+    assert isinstance(out.reasons, tuple)
+    assert isinstance(out.engaging, bool)
     assert out.action is not Action.SEND_REQUEST or (out.state in MOVING and mode is VehicleMode.EXTERNAL)
     assert (out.velocity_factor > 0.0) <= (out.action is Action.SEND_REQUEST)
     assert 0.0 <= out.velocity_factor <= 1.0
