@@ -92,7 +92,7 @@ def test_a_vehicle_that_somebody_else_steers_is_not_engaged() -> None:
 
 
 def turn(rig: Rig, seconds: float, sign: float) -> list[Tick]:
-    """The vehicle swings to and fro; with sign -1 the picture moves the wrong way, as a mirrored camera's does."""
+    """The vehicle swings left and right; with sign -1 the picture moves the wrong way, as a mirrored camera's does."""
     ticks = []
     begun_s, rig.delay_s = rig.now_s, 0.0
     north_m, east_m, _ = rig.true_target
