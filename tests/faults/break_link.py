@@ -112,7 +112,9 @@ def _repeat(world: World, period_s: float, act: object) -> list[float]:
 
 def foreign_setpoints(world: World) -> Happened:
     """Another station steers as well, the vehicle obeys both in turns."""
-    packer, heading = _packer(254), world.random.uniform(-math.pi, math.pi)
+    ours = world.exit.velocity_ned_mps  # he steers elsewhere: where both agree nobody can tell, nor needs to
+    heading = math.atan2(ours[1], ours[0]) + world.random.uniform(1.0, 2 * math.pi - 1.0)
+    packer = _packer(254)
     north, east = 3.0 * math.cos(heading), 3.0 * math.sin(heading)
     obeyed: list[bool] = []
 

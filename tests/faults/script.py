@@ -49,6 +49,7 @@ class Expect(Enum):
     GOES_ON = "goes on"  # the follow is not disturbed
     SAFE = "safe"  # may go on or stop: no unsafe outcome
     CRASHED = "program ended"  # a fault of our own ends the program: zero, hold, silence
+    ANY = "any"  # as SAFE, and not even the vehicle's own moves or the state are judged
     GONE = "gone"  # our program is gone: silent at once, the vehicle stops by its own time-out
 
 
@@ -208,7 +209,7 @@ def _judge(world: World, fault: Fault, phase: Phase, seed: int, flown: Flown, fl
     problems += world.exit.faults[:3]
     if flown.happened is None or not flown.happened():
         problems.append("the fault did not happen")
-    in_motion = phase in (Phase.ACCELERATING, Phase.STEADY) and not fault.from_start
+    in_motion = phase in (Phase.ACCELERATING, Phase.STEADY) and not (fault.from_start or fault.expect is Expect.ANY)
     if in_motion and not world.was_moving:
         problems.append(f"the vehicle was not being moved before the fault ({flown.refusal or 'no refusal'})")
     last_s = world.exit.last_s(moving=not world.silent)
@@ -229,7 +230,7 @@ def _unexpected(world: World, expect: Expect, went_on: bool, flown: Flown, phase
     quiet = newest_s is None or now_s - newest_s > _REST_S
     its_own = world.vehicle.autopilot.failsafe is not None  # a failsafe of the vehicle may fly it home
     still = its_own or math.hypot(*world.vehicle.pose().velocity_ned_mps) < _STILL_MPS
-    if flown.crash and expect is not Expect.CRASHED:
+    if flown.crash and expect not in (Expect.CRASHED, Expect.ANY):
         return [f"the flight ended: {flown.crash}"]
     match expect:
         case Expect.RELEASED if not (state is State.RELEASED and quiet and still and not truth.external):
