@@ -94,6 +94,23 @@ def test_a_broken_image_ends_the_folder_with_its_name(tmp_path: Path) -> None:
     assert "000002.png: not an image (after 2 frames)" in source.problem
 
 
+def test_a_png_that_claims_more_bytes_than_it_has_is_not_even_begun(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "images", frames=2)
+    data = (folder / "000001.png").read_bytes()
+    (folder / "000001.png").write_bytes(data.replace(b"\0\0\0\rIHDR", b"\x7f\xff\xff\xffIHDR"))
+    source = open_source(str(folder))
+    assert len(read_all(source)) == 1
+    assert "000001.png: not an image" in str(source.problem)
+
+
+@pytest.mark.skipif(not is_installed(), reason="PyAV is not installed")
+def test_a_codec_that_nobody_knows_is_no_video(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mp4", frames=3)
+    path.write_bytes(path.read_bytes().replace(b"mp4v", b"zzzz").replace(b"esds", b"zzzz"))
+    with pytest.raises(VideoError, match=r"a\.mp4: holds no video"):
+        AvDecoder(str(path), live=False)
+
+
 def test_an_image_of_another_size_ends_the_folder(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "images", frames=3)
     cv2.imwrite(str(folder / "000003.png"), np.zeros((50, 60, 3), np.uint8))

@@ -98,6 +98,12 @@ def damage(path: Path, how: str) -> None:
             manifest.write_text(json.dumps(values))
         case "another network":
             rewrite(manifest, network=replace(TINY, hidden=32).to_dict())
+        case "network of another kind":
+            rewrite(manifest, network=TINY.to_dict() | {"hidden": [1]})
+        case "network of any size":
+            rewrite(manifest, network=TINY.to_dict() | {"ffn": 1 << 40})
+        case "parts that are no names":
+            rewrite(manifest, parts=["backbone", None])
         case "not safetensors":
             path.write_bytes(pickle.dumps({"a": 1}))
             rewrite(manifest, sha256=weights._sha256(path))
@@ -120,6 +126,9 @@ def rewrite(manifest: Path, **changes: object) -> None:
         ("manifest of something else", "is not a climrt-weights/1 manifest"),
         ("manifest without network", "incomplete"),
         ("another network", "of another shape"),
+        ("network of another kind", "malformed"),
+        ("network of any size", "must be sane"),
+        ("parts that are no names", "malformed"),
         ("not safetensors", "cannot be read as safetensors"),
     ],
 )
