@@ -21,9 +21,10 @@ def optional(low: float, high: float) -> float | None:
 def check_ranges(config: Any) -> None:
     """ValueError naming field, range and value, for each field made by `ranged` or `optional`."""
     for f in fields(config):
-        value, low, high = getattr(config, f.name), f.metadata.get("low"), f.metadata.get("high")
-        if low is None or high is None or (value is None and f.default is None):
+        value = getattr(config, f.name)
+        if "low" not in f.metadata or (value is None and f.default is None):
             continue
+        low, high = f.metadata["low"], f.metadata["high"]
         if not finite(value) or not low <= value <= high:
             raise ValueError(f"{f.name} must be from {low:g} to {high:g}, not {value!r}")
 

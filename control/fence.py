@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 from control.checks import check_ranges, finite, optional, ranged
@@ -113,7 +114,7 @@ def _nearest(here: Point, a: Point, b: Point) -> Point:
 
 
 def _sides(corners: tuple[Point, ...]) -> list[tuple[Point, Point]]:
-    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+    return list(pairwise((*corners, *corners[:1])))
 
 
 def _check_corners(name: str, corners: object, highest: Point) -> None:

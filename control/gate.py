@@ -79,7 +79,7 @@ def _shape(
         return _REST, Reason.LIMIT_JUMPED
     k = min(1.0, left_mps / max(math.dist(wanted[:3], start[:3]), 1e-9))
     yaw = start[3] + min(max(wanted[3] - start[3], -left_rps), left_rps)
-    north, east, down = (a + k * (b - a) for a, b in zip(start[:3], wanted[:3], strict=True))
+    north, east, down = (start[i] + k * (wanted[i] - start[i]) for i in range(3))
     return (north, east, down, yaw), Reason.SLEW if k < 1.0 or yaw != wanted[3] else reason
 
 

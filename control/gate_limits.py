@@ -13,6 +13,7 @@ from control.types import Vec3, VehicleState
 __all__ = ["TICK_S", "Bound", "Limits", "bounds", "height_bounds", "kept", "outside", "stoppable_mps"]
 
 TICK_S: Final = 0.05
+_ROUNDING_MPS: Final = 1e-9
 _HEIGHT_SLACK_M: Final = 1.0  # so far past floor or ceiling is a nudge, to be flown back; further is outside
 
 Bound = tuple[float, float, float]  # unit vector (north, east) and how fast (m/s) one may fly that way, 0 or more
@@ -84,7 +85,7 @@ def kept(north_mps: float, east_mps: float, near: list[Bound]) -> tuple[float, f
     scale = 1.0
     for n, e, most_mps in near:
         towards_mps = n * north_mps + e * east_mps
-        if towards_mps > most_mps:
+        if towards_mps > most_mps + _ROUNDING_MPS:
             scale = min(scale, most_mps / towards_mps)
     return north_mps * scale, east_mps * scale
 

@@ -138,6 +138,7 @@ def test_a_home_far_from_the_polygon_is_said():
         ("polygon_m", SQUARE[:2], "polygon_m must have 3 to 64 corners, not 2"),
         ("polygon_m", ((0.0, 0.0),) * 65, "polygon_m must have 3 to 64 corners, not 65"),
         ("polygon_m", [*SQUARE, SQUARE[0]], "polygon_m must have 3 to 64 corners, not 5"),
+        ("polygon_m", 7, "polygon_m must have 3 to 64 corners, not 7"),
         ("polygon_m", None, "polygon_m must have 3 to 64 corners, not None"),
         ("polygon_m", (*SQUARE[:3], 7), "polygon_m: corner 4 must be two finite numbers, not 7"),
         ("polygon_m", (*SQUARE[:3], (1.0,)), "polygon_m: corner 4 must be two finite numbers, not (1.0,)"),
@@ -153,6 +154,7 @@ def test_a_home_far_from_the_polygon_is_said():
         ("polygon_deg", SQUARE[:2], "polygon_deg must have 3 to 64 corners, not 2"),
         ("polygon_deg", ((86.0, 8.0), *SQUARE), "polygon_deg: corner 1 must be within 85 and 180: (86.0, 8.0)"),
         ("polygon_deg", ((47.0, 181.0), *SQUARE), "polygon_deg: corner 1 must be within 85 and 180: (47.0, 181.0)"),
+        ("polygon_deg", ((84.8, 0.0), (84.9, 0.0), (84.8, 2.01)), "polygon_deg: corner 3 is more than 20 km"),
         ("polygon_deg", SQUARE, "polygon_deg: corner 2 is more than 20 km from corner 1"),
         ("polygon_deg", ((47.0, 8.0), (47.0, 8.0), (47.1, 8.0)), "polygon_deg: corner 1 and the next are the same"),
     ],
@@ -169,8 +171,21 @@ def test_a_polygon_is_given_once():
         Fence(polygon_m=SQUARE, polygon_deg=((47.0, 8.0), (47.001, 8.0), (47.0, 8.001)))
 
 
-@pytest.mark.parametrize("corners", [SQUARE[:3], star(random.Random(1)), tuple(
-    (300 * math.cos(a * math.pi / 32), 300 * math.sin(a * math.pi / 32)) for a in range(64)
-), ((20_000.0, 0.0), (19_000.0, 0), (20_000, -20.0)), ((0.0, 0.0), (0.0, 0.2), (0.2, 0.0))])  # fmt: skip
+AROUND = tuple((300 * math.cos(a * math.pi / 32), 300 * math.sin(a * math.pi / 32)) for a in range(64))
+FINE = [
+    SQUARE[:3], star(random.Random(1)), AROUND,
+    ((20_000.0, 0.0), (19_000.0, 0), (20_000, -20.0)), ((0.0, 20_000.0), (0.0, 19_000.0), (20.0, -20_000.0 + 39_000.0)),
+    ((20_000.0, 0.0), (0.0, 0.0), (10.0, 10.0)),  # 20 km, and no more
+    ((0.0, 0.0), (0.0, 0.1), (50.0, 50.0), (50.0, -50.0)), ((0.0, 0.0), (0.0, 40.0), (0.1, 20.0)),  # 0.1 m, and no less
+    tuple((north / 50, east / 50) for north, east in L_SHAPE),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("corners", FINE)
 def test_polygons_that_are_fine(corners):
     assert Fence(polygon_m=corners).polygon_m == corners
+
+
+def test_degrees_reach_to_the_date_line():
+    corners = ((85.0, 180.0), (85.0, 179.99), (84.99, 180.0))
+    assert Fence(polygon_deg=corners).polygon_deg == corners

@@ -1,6 +1,7 @@
 """The gate near the fence: what runs at it too fast is taken away, and at it everything stops."""
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -42,20 +43,36 @@ def test_in_a_corner_both_sides_count():
     assert setpoint.velocity_ned_mps == pytest.approx((stoppable_mps(2.0, SQUARE), stoppable_mps(3.0, SQUARE), 0.0))
 
 
-@pytest.mark.parametrize("angle_deg", range(0, 360, 5))
-def test_whatever_is_asked_no_wall_is_run_at(angle_deg):
-    """A needle's point: taking away at one side pushes at the other."""
-    near = [(math.cos(math.radians(a)), math.sin(math.radians(a)), 0.5) for a in (0, 20, 110, 340)]
-    asked = 8 * math.cos(math.radians(angle_deg)), 8 * math.sin(math.radians(angle_deg))
+def wall(angle_deg, most_mps):
+    return math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg)), most_mps
+
+
+def test_what_pushes_at_another_wall_is_slowed_down():
+    near = [wall(10, 0.5), wall(130, 0.5)]
+    first = near[0][1] * 8 - 0.5  # taken away at the first wall, then at the second
+    north, east = -first * near[0][0], 8 - first * near[0][1]
+    taken = near[1][0] * north + near[1][1] * east - 0.5
+    north, east = north - taken * near[1][0], east - taken * near[1][1]
+    scale = 0.5 / (near[0][0] * north + near[0][1] * east)
+    assert 0.1 < scale < 0.9
+    assert kept(0.0, 8.0, near) == pytest.approx((north * scale, east * scale))
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_whatever_is_asked_no_wall_is_run_at(seed):
+    rng = random.Random(seed)
+    near = [wall(rng.uniform(0, 360), rng.choice((0.0, 0.3, 2.0))) for _ in range(rng.randrange(1, 6))]
+    asked = rng.uniform(-8, 8), rng.uniform(-8, 8)
     north, east = kept(*asked, near)
     assert all(n * north + e * east <= most + 1e-9 for n, e, most in near)
-    assert math.hypot(north, east) <= 8.0 + 1e-9
+    assert math.hypot(north, east) <= math.hypot(*asked) + 1e-9
     assert kept(north, east, near) == pytest.approx((north, east))  # what is within bounds stays as it is
 
 
 def test_without_walls_nothing_changes():
     assert kept(3.0, -4.0, []) == (3.0, -4.0)
     assert kept(0.5, 0.0, [(1.0, 0.0, 0.5)]) == (0.5, 0.0)
+    assert kept(0.0, 3.0, [(1.0, 0.0, 0.0)]) == (0.0, 3.0)
 
 
 @pytest.mark.parametrize("limits", [LIMITS, Limits(max_speed_mps=5.0, response_s=1.5, braking_mps2=1.0)])
@@ -130,6 +147,8 @@ def test_a_fence_in_degrees_lets_nothing_move_before_home_is_known():
 
 
 def test_what_flies_at_a_side_already_is_told_less():
+    aside = bounds(replace(at(0.0, SIDE_M - 20.0), velocity_ned_mps=(1.0, 5.0, 0.0)), LIMITS)
+    assert (pytest.approx(0.0), 1.0, pytest.approx(stoppable_mps(20.0 - 5.0 * LIMITS.response_s, LIMITS))) in aside
     standing = bounds(at(SIDE_M - 20.0), LIMITS)
     closing = bounds(replace(at(SIDE_M - 20.0), velocity_ned_mps=(5.0, 0.0, 0.0)), LIMITS)
     leaving = bounds(replace(at(SIDE_M - 20.0), velocity_ned_mps=(-5.0, 0.0, 0.0)), LIMITS)

@@ -62,3 +62,17 @@ def test_limits_that_tighten_in_flight_are_reached_by_slewing():
     tighter = Limits(max_yaw_rate_rps=1.1)
     setpoint, _ = gate(request((0.0, 0.0, 0.0), -1.0), HEALTHY, NOW, replace_time(flying), tighter)
     assert setpoint.yaw_rate_rps == pytest.approx(1.2 - LIMITS.max_yaw_acceleration_rps2 * 0.05)
+
+
+def test_a_slow_limit_is_a_limit_too():
+    slow = Limits(max_speed_mps=0.5)
+    assert settle((0.8, 0.0, 0.0), limits=slow)[0].velocity_ned_mps == pytest.approx((0.5, 0.0, 0.0))
+
+
+def test_at_the_same_moment_nothing_changes():
+    flying, _ = settle((2.0, 0.0, 0.0), 0.5)
+    again = replace_time(flying, NOW)
+    setpoint, reason = gate(request((3.0, 0.0, 0.0), 0.9), HEALTHY, NOW, again, LIMITS)
+    assert setpoint.velocity_ned_mps == pytest.approx(flying.velocity_ned_mps)
+    assert setpoint.yaw_rate_rps == pytest.approx(flying.yaw_rate_rps)
+    assert reason is Reason.SLEW
