@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from control.causes import Cause, Clear, Severity, leading, worst
+from control.checks import fresh
 from control.config import EngagementConfig
 from control.preflight import Inputs, conditions, target_seen, video_ok
 from control.types import VehicleMode
@@ -70,7 +71,8 @@ _REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = MappingProxyType(
 )
 _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 _ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
-_HOLD_AT_LEAST_S: Final = 0.5
+_SETTLE_S: Final = 0.5  # hold is commanded at least so long: our own mode request may still be under way
+_MODE_AGE_S: Final = 1.2  # older, the vehicle may long be holding, or be a pilot's; ArduCopter tells it each second
 _RECOVERY: Final = 0.25  # as in PX4: a flickering condition still ends in its action
 
 
@@ -81,7 +83,7 @@ class Engagement:
         self._config = config or EngagementConfig()
         self._state = State.NO_VIDEO
         self._reasons: tuple[Cause, ...] = ()  # shown: why it ended, or why a confirm was refused
-        self._clear = Clear.WHEN_GONE  # how what has ended is undone
+        self._ended_by: tuple[Cause, ...] = ()
         self._since_s = 0.0  # when this state began; while engaging, the confirmation
         self._seen_s = 0.0  # when the target was last measured to our liking
         self._unseen_debt_s = 0.0  # time without the target that has not been made up for
@@ -162,18 +164,17 @@ class Engagement:
     def _end(self, now_s: float, inputs: Inputs, causes: tuple[Cause, ...]) -> Output:
         state, action = _REACTIONS[worst(causes)]
         self._go(state, now_s, *causes)
-        latched = any(cause.clear is Clear.BY_ACKNOWLEDGE for cause in causes)
-        self._clear = Clear.BY_ACKNOWLEDGE if latched else Clear.BY_SELECTION
-        self._holding = action is Action.COMMAND_HOLD
+        self._ended_by, self._holding = causes, action is Action.COMMAND_HOLD
         return self._hold(now_s, inputs)
 
     def _hold(self, now_s: float, inputs: Inputs) -> Output:
-        """Ask for hold until it is seen, and a moment longer: our own mode request may still be under way."""
+        """Ask for hold until it is seen, and a moment longer; only once where the mode is not heard."""
         mode, age_s = inputs.vehicle.mode, now_s - self._since_s
+        unheard = age_s > 0 and not fresh(inputs.vehicle.mode_t_s, now_s, _MODE_AGE_S)
         if self._holding and mode is VehicleMode.EXTERNAL and age_s > self._config.hold_s:
-            self._reasons = (*self._reasons, Cause.HOLD_REFUSED)
-            self._clear, self._holding = Cause.HOLD_REFUSED.clear, False
-        elif mode is not VehicleMode.EXTERNAL and (mode is not VehicleMode.HOLD or age_s > _HOLD_AT_LEAST_S):
+            self._ended_by = self._reasons = (*self._ended_by, Cause.HOLD_REFUSED)
+            self._holding = False
+        elif unheard or (mode is not VehicleMode.EXTERNAL and (mode is not VehicleMode.HOLD or age_s > _SETTLE_S)):
             self._holding = False
         return Output(self._state, self._reasons, Action.COMMAND_HOLD if self._holding else Action.SILENCE)
 
@@ -182,7 +183,8 @@ class Engagement:
             return self._end(now_s, inputs, (Cause.ABORT,))
         if self._holding:
             return self._hold(now_s, inputs)
-        if inputs.acknowledge or (inputs.select and self._clear is Clear.BY_SELECTION):
+        by_selection = all(cause.clear is Clear.BY_SELECTION for cause in self._ended_by)
+        if inputs.acknowledge or (inputs.select and by_selection):
             self._go(self._resting(now_s, inputs), now_s)
             return Output(self._state, (), Action.NONE)
         if inputs.confirm:

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from control.config import EngagementConfig
-from control.engagement import Action, Engagement, State
+from control.engagement import Action, Cause, Engagement, State
 from control.preflight import conditions, link_ok, refusals, target_seen, telemetry_ok, video_ok
 from control.types import VehicleMode
 
@@ -72,6 +72,20 @@ def test_hold_is_commanded_up_to_exactly_its_time(mode, seconds):
     assert out.action is Action.COMMAND_HOLD
     assert go_on(machine, seconds, mode).action is Action.COMMAND_HOLD
     assert machine.update(seconds + 0.001, healthy(seconds + 0.001, mode)).action is Action.SILENCE
+
+
+def test_hold_is_commanded_only_once_where_the_mode_is_not_heard():
+    machine, out = lived((-0.1, HOLD, {}), (-0.05, HOLD, {"confirm": True}), (0.0, EXTERNAL, {"abort": True}))
+    out = go_on(machine, 1.2, mode_t_s=0.0)
+    assert out.action is Action.COMMAND_HOLD
+    out = machine.update(1.201, healthy(1.201, EXTERNAL, mode_t_s=0.0))
+    assert (out.action, out.reasons) == (Action.SILENCE, (Cause.ABORT,))
+    assert machine.update(1.3, healthy(1.3, EXTERNAL)).action is Action.SILENCE  # heard again: not ours any more
+    machine = following_since_zero()
+    lost = machine.update(0.05, healthy(0.05, mode_t_s=-3.0, heartbeat_t_s=-3.0))
+    assert (lost.action, lost.reasons) == (Action.COMMAND_HOLD, (Cause.LINK_LOST,))
+    lost = machine.update(0.1, healthy(0.1, mode_t_s=-3.0, heartbeat_t_s=-3.0))
+    assert (lost.action, lost.reasons) == (Action.SILENCE, (Cause.LINK_LOST,))
 
 
 def test_what_is_as_old_as_allowed_is_fresh():
