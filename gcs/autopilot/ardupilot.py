@@ -25,7 +25,7 @@ _SET_MODE = {VehicleMode.EXTERNAL: (float(GUIDED), 0.0), VehicleMode.HOLD: (floa
 STREAMS = (
     Stream(dialect.MAVLINK_MSG_ID_ATTITUDE, 50.0),
     Stream(dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20.0),
-    Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 10.0),
+    Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 20.0),
     Stream(dialect.MAVLINK_MSG_ID_HEARTBEAT, 5.0),  # carries the mode; also sent at once on a change
     Stream(dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
     Stream(dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 10.0),

@@ -23,7 +23,7 @@ _SET_MODE = {VehicleMode.EXTERNAL: (6.0, 0.0), VehicleMode.HOLD: (4.0, 3.0)}
 STREAMS = (
     Stream(dialect.MAVLINK_MSG_ID_ATTITUDE, 50.0),
     Stream(dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20.0),
-    Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 10.0),
+    Stream(dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 20.0),
     # PX4's heartbeat comes once a second and not on a mode change: this is how a pilot's is seen within 100 ms.
     Stream(dialect.MAVLINK_MSG_ID_CURRENT_MODE, 50.0),
     Stream(dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),

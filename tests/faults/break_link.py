@@ -49,19 +49,28 @@ def downlink_down(world: World) -> Happened:
     return _close(world.down)
 
 
+def make_bad(world: World, conditions: Conditions) -> Happened:
+    """From now on the link is like that, both ways, and the judge at the vehicle knows."""
+    delay_s = conditions.delay_s
+    world.up.conditions = world.down.conditions = conditions
+    # A setpoint is as old as the link makes it, and steps between setpoints are judged where they leave. A delay that
+    # grows by more than COM_OF_LOSS_T starves PX4, and what was under way then takes it back into OFFBOARD by itself;
+    # that nothing moves it any more without the operator is judged where it leaves, too.
+    limits = world.monitor.limits
+    world.monitor.limits = replace(
+        limits,
+        mode_grace_s=limits.mode_grace_s + 2.5 * delay_s,
+        accel_max_mps2=math.inf,
+        yaw_accel_max_rps2=math.inf,
+        confirmation_needed=delay_s < 0.25,
+    )
+    return _lost_more(world.down, 3)
+
+
 def link_bad(world: World) -> Happened:
     """Loss, delay, jitter, duplicates and overtaking, both ways."""
-    rng = world.random
-    loss, delay_s = rng.choice((0.05, 0.2, 0.5)), rng.choice((0.0, 0.1, 0.25, 0.5, 1.0))
-    conditions = Conditions(loss, DELAY_S + delay_s, 0.1 * delay_s, 0.05, 0.05)
-    world.up.conditions = world.down.conditions = conditions
-    # A setpoint is as old as the link makes it, and steps between setpoints are judged where they leave.
-    grace_s = world.monitor.limits.mode_grace_s + 2.5 * delay_s
-    limits = replace(world.monitor.limits, mode_grace_s=grace_s, accel_max_mps2=math.inf, yaw_accel_max_rps2=math.inf)
-    # A delay that grows by more than COM_OF_LOSS_T starves PX4, and what was under way then takes it back into OFFBOARD
-    # by itself; that nothing moves it any more without the operator is judged where it leaves.
-    world.monitor.limits = replace(limits, confirmation_needed=delay_s < 0.25)
-    lost = _lost_more(world.down, 3)
+    loss, delay_s = world.random.choice((0.05, 0.2, 0.5)), world.random.choice((0.0, 0.1, 0.25, 0.5, 1.0))
+    lost = make_bad(world, Conditions(loss, DELAY_S + delay_s, 0.1 * delay_s, 0.05, 0.05))
     return lambda: lost() and world.down.counts.duplicated > 0 and world.down.counts.reordered > 0
 
 
