@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test faults clean
+.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test faults soak clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
@@ -15,7 +15,8 @@ help:
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
 	@echo "make gate-million   a million random calls of the gate and 20,000 of hypothesis'"
 	@echo "make fuzz    a million damaged packets, ten thousand videos, configurations, weights (about 15 minutes)"
-	@echo "make faults  break everything that can break in flight, on a fake clock; table in out/faults"
+	@echo "make faults  break everything that can break in flight; table in out/faults (about half an hour)"
+	@echo "make soak    an hour of flight on a fake clock: does memory grow, is a tick late?"
 	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
 
 setup: $(STAMP)
@@ -64,9 +65,14 @@ wheel-test: $(STAMP)
 	build/wheel-test/bin/pip install --disable-pip-version-check -q -c constraints.txt dist/*.whl
 	cd / && $(CURDIR)/build/wheel-test/bin/gcs demo --seconds 20 --out $(CURDIR)/build/wheel-test/demo
 
-# Every fault of docs/safety.md in five phases of a flight with twenty seeds, and all pairs, on a fake clock.
+# Every fault of docs/safety.md in five phases of a flight with twenty seeds, and all pairs, on a fake clock;
+# then those of a process, done to real ones in real time.
 faults: $(STAMP)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.faults $(ARGS)
+	$(BIN)/python -m tests.processes
+
+soak: $(STAMP)
+	$(BIN)/python -m tests.soak
 
 clean:
 	rm -rf $(VENV) build dist out
