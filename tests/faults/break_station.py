@@ -26,7 +26,7 @@ def requests_stale(world: World) -> Happened:
         return VelocityRequest(stamp_s, (2.0, 0.0, 0.0) if old is None else old.velocity_ned_mps, 0.0)
 
     control._follow_law = stalled  # type: ignore[method-assign, assignment]
-    return lambda: len(given) > 3 or not world.engaged_before
+    return lambda: bool(given) or world.rested()
 
 
 def law_raises(world: World) -> Happened:
@@ -38,7 +38,7 @@ def law_raises(world: World) -> Happened:
         raise ZeroDivisionError("a fault of the law")
 
     world.flight.control._follow_law = broken  # type: ignore[method-assign, assignment]
-    return lambda: bool(raised) or not world.engaged_before
+    return lambda: bool(raised) or world.rested()
 
 
 def long_stall(world: World) -> Happened:

@@ -170,7 +170,7 @@ def height_asked(world: World) -> Happened:
         return replace(request, velocity_ned_mps=(north, east, down_mps))
 
     control._follow_law = mad  # type: ignore[method-assign, assignment]
-    return lambda: len(asked) > 5 or not world.engaged_before
+    return lambda: bool(asked) or world.rested()
 
 
 _ERRORS: tuple[tuple[str, Callable[[World], None]], ...] = (

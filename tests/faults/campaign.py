@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 import multiprocessing
+import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -78,7 +79,16 @@ def run_job(job: Job) -> tuple[Job, Outcome]:
 
 
 def run_all(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, Outcome]]:
-    """All of them, in any order, with a progress bar."""
+    """All of them, in any order, with a progress bar and what goes wrong at once."""
+    for job, outcome in _results(random.Random(0).sample(jobs, len(jobs)), processes):
+        if outcome.problems:
+            tqdm.write(
+                f"{outcome.label}, {outcome.phase.value}, seed {outcome.seed}: {'; '.join(outcome.problems[:2])}"
+            )
+        yield job, outcome
+
+
+def _results(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, Outcome]]:
     if processes <= 1:
         yield from tqdm(map(run_job, jobs), total=len(jobs), unit="run", smoothing=0.05)
         return

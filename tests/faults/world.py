@@ -246,6 +246,10 @@ class World:
         else:
             self.monitor.still_by_s = by_s
 
+    def rested(self) -> bool:
+        """Nothing has moved the vehicle since the fault: the control law was not asked."""
+        return not self.exit.any_moving(self.cause_s, math.inf)
+
     def cause_is_motion(self) -> None:
         """A fault that is there from the start harms from the first moving setpoint on."""
         self.caused_when(lambda: self.exit.last_s(moving=True) is not None)
