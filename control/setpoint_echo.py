@@ -17,7 +17,7 @@ _STREAM_S: Final = 0.4  # after a longer pause a stream begins anew
 _OURS_S: Final = 10.0  # what is older is not ours any more
 _STRANGE_COUNT: Final = 2
 _STRANGE_S: Final = 2.0
-_SETTLE_S: Final = 0.5  # after the mode change the vehicle may still tell of what it did before
+_SETTLE_S: Final = 0.5  # at first the vehicle may still tell of what it did before
 _TOLERANCE_MPS: Final = 0.5
 _TOLERANCE_FRAC: Final = 0.1
 
@@ -32,30 +32,33 @@ class EchoMonitor:
 
     def reset(self) -> None:
         """The vehicle is not in external control: its echo says nothing about us."""
-        self._since_s: float | None = None
-        self._echo_t_s = self._known_s = -math.inf
+        self._begun_s = self._echo_t_s = self._known_s = -math.inf
         self._sent.clear()
         self._strange_s.clear()
         self.is_lost = self.is_foreign = False
 
     def sent(self, t_s: float, velocity_ned_mps: Vec3) -> None:
         """A setpoint has left."""
-        if not self._sent or t_s - self._sent[-1][0] > _STREAM_S:
-            self._known_s = t_s
+        if not self._streams(t_s):
+            self._begun_s = self._known_s = t_s
+            self._strange_s.clear()
         self._sent.append((t_s, velocity_ned_mps))
         while self._sent[0][0] < t_s - _OURS_S:
             self._sent.popleft()
 
     def judge(self, now_s: float, echo_t_s: float | None, echo_ned_mps: Vec3) -> None:
         """Set `is_lost` and `is_foreign`, given the newest echo (None: never) and when it arrived."""
-        self._since_s = now_s if self._since_s is None else self._since_s
-        if echo_t_s is not None and echo_t_s > max(self._echo_t_s, self._since_s + _SETTLE_S):
+        if not self._streams(now_s):  # what it does by itself, as climbing after take-off, is nobody's fault
+            self.is_lost = self.is_foreign = False
+            return
+        if echo_t_s is not None and echo_t_s > max(self._echo_t_s, self._begun_s + _SETTLE_S):
             self._note(echo_t_s, echo_ned_mps)
-        echoes = now_s - self._echo_t_s <= _LOST_S
-        streaming = bool(self._sent) and now_s - self._sent[-1][0] <= _STREAM_S
-        self.is_lost = echoes and streaming and now_s - self._known_s > _LOST_S
+        self.is_lost = now_s - self._echo_t_s <= _LOST_S and now_s - self._known_s > _LOST_S
         enough = len(self._strange_s) == _STRANGE_COUNT
         self.is_foreign = enough and now_s - self._strange_s[0] <= _STRANGE_S
+
+    def _streams(self, now_s: float) -> bool:
+        return bool(self._sent) and now_s - self._sent[-1][0] <= _STREAM_S
 
     def _note(self, t_s: float, echo_ned_mps: Vec3) -> None:
         self._echo_t_s = t_s

@@ -129,16 +129,31 @@ def test_an_echo_that_stops_is_not_judged_for_long():
         assert link.tick() == (False, False)
 
 
-def test_somebody_steering_while_we_send_nothing_is_found_too():
+def test_what_the_vehicle_does_while_we_send_nothing_is_not_judged():
+    """ArduCopter climbs after take-off in its external mode, and says so."""
     monitor = EchoMonitor()
-    for step in range(40):
+    for step in range(100):
         now = 10.0 + step * TICK
-        monitor.judge(now, now - 0.01, (2.0, 0.0, 0.0))
-        assert monitor.is_foreign == (step >= 12), step  # half a second to settle, then two echoes
+        monitor.judge(now, now, (0.0, 0.0, -2.0))
+        assert not monitor.is_foreign
         assert not monitor.is_lost
-    monitor.reset()
-    monitor.judge(12.1, 12.1, (2.0, 0.0, 0.0))
-    assert not monitor.is_foreign
+    for step in range(8):  # and for a moment after we have begun
+        now = 15.0 + step * TICK
+        monitor.judge(now, now, (0.0, 0.0, -2.0))
+        monitor.sent(now, (0.0, 0.0, 0.0))
+        assert not monitor.is_foreign
+
+
+def test_what_was_found_is_forgotten_with_the_stream_or_the_mode():
+    for forget in ("pause", "reset"):
+        link = Link(echo_hz=50.0)
+        link.until(FOREIGN, 2.0)
+        assert link.until(FOREIGN, 2.0, foreign=(-6.0, 3.0, 0.0)) is not None
+        if forget == "pause":
+            link.monitor.judge(link.now + 0.5, link.now + 0.5, (-6.0, 3.0, 0.0))
+        else:
+            link.monitor.reset()
+        assert not link.monitor.is_foreign
 
 
 def test_one_strange_echo_alone_is_forgotten():

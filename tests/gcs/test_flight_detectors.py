@@ -78,19 +78,6 @@ def test_an_echo_of_what_was_never_sent_ends_the_follow() -> None:
     assert first(fly(rig, 2.0, strange=True), Cause.FOREIGN_SETPOINTS) <= 1.5
 
 
-def test_a_vehicle_that_somebody_else_steers_is_not_engaged() -> None:
-    rig = Rig()
-    rig.run(3.0)
-    rig.select()
-    rig.vehicle = replace(rig.vehicle, mode=VehicleMode.EXTERNAL)
-    fly(rig, 2.0, strange=True)
-    rig.link = LinkHealth(echo=SetpointEcho(rig.now_s, (-6.0, -6.0, 0.0)))
-    refused = rig.run(TICK_S, Act.CONFIRM)[0].output
-    assert Cause.FOREIGN_SETPOINTS in refused.reasons
-    assert not refused.engaging
-    assert refused.action is Action.NONE
-
-
 def turn(rig: Rig, seconds: float, sign: float) -> list[Tick]:
     """The vehicle swings left and right; with sign -1 the picture moves the wrong way, as a mirrored camera's does."""
     ticks = []
