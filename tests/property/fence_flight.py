@@ -49,32 +49,34 @@ PX4 = Model(0.20, 0.48, 9.0, 900.0)
 ARDUCOPTER = Model(0.07, 0.10, 2.75, 5.6)  # 0 to 3 m/s in t10 0.47, t63 1.10, t90 1.74 s
 
 
-class Axis:
-    """Velocity along one axis."""
+class Body:
+    """What flies: horizontal velocity under a command, and under wind."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.line = deque([0.0] * round(model.dead_s / STEP_S))
-        self.shaped = self.acceleration = self.velocity = self.pushed = 0.0
+        self.line = deque([0j] * round(model.dead_s / STEP_S))  # north + j east
+        self.shaped = self.acceleration = self.velocity = self.pushed = 0j
 
-    def step(self, command: float, push: float, noise: float) -> float:
+    def step(self, command: Pair, push: Pair, noise: Pair) -> Pair:
         """STEP_S further; the velocity (m/s)."""
         model = self.model
-        self._shape(command)
+        self._shape(complex(*command))
         self.line.append(self.shaped)
         self.velocity += (self.line.popleft() - self.velocity) * (1 - math.exp(-STEP_S / model.tau_s))
         keep = math.exp(-STEP_S / model.recovery_s)
-        self.pushed = self.pushed * keep + push + noise * model.noise_mps * math.sqrt(1 - keep**2)
-        return self.velocity + self.pushed
+        blown = complex(*push) + complex(*noise) * model.noise_mps * math.sqrt(1 - keep**2)
+        self.pushed = self.pushed * keep + blown
+        moved = self.velocity + self.pushed
+        return moved.real, moved.imag
 
-    def _shape(self, command: float) -> None:
+    def _shape(self, command: complex) -> None:
         """As ArduPilot does: as quick as jerk and acceleration allow without going past the command."""
         jerk, most = self.model.jerk_mps3, self.model.acceleration_mps2
         missing, gain = command - self.shaped, min(jerk / most, 1 / STEP_S)
-        near = jerk / gain**2
-        wanted = abs(missing) * gain if abs(missing) < near else math.sqrt(2 * jerk * (abs(missing) - near / 2))
-        change = math.copysign(min(wanted, most), missing) - self.acceleration
-        self.acceleration += min(max(change, -jerk * STEP_S), jerk * STEP_S)
+        error, near = abs(missing), jerk / gain**2
+        wanted = min(error * gain if error < near else math.sqrt(2 * jerk * (error - near / 2)), most)
+        change = missing / max(error, 1e-9) * wanted - self.acceleration
+        self.acceleration += change * min(1.0, jerk * STEP_S / max(abs(change), 1e-9))
         self.shaped += self.acceleration * STEP_S
 
 
@@ -94,9 +96,9 @@ def fly(
 ) -> Flown:
     """One follow from start, with the real state machine and gate."""
     rng, flown, engagement = random.Random(seed), Flown(), Engagement()
-    axes, place, held = (Axis(model), Axis(model)), start, start
+    body, place, held = Body(model), start, start
     seen = deque([(start, (0.0, 0.0))] * (LATE_TICKS + 1), maxlen=LATE_TICKS + 1)
-    velocity: tuple[float, ...] = (0.0, 0.0)
+    velocity = (0.0, 0.0)
     previous: Setpoint | None = None
     gust_s = 0.0
     for tick in range(round(s / TICK_S)):
@@ -112,7 +114,7 @@ def fly(
         sent = previous.velocity_ned_mps[:2] if previous is not None else (0.0, 0.0)
         if output.state is State.RELEASED and flown.released_s is None:
             flown.released_s = now_s
-        if flown.released_s is None or math.hypot(axes[0].velocity, axes[1].velocity) > STANDING_MPS:
+        if flown.released_s is None or abs(body.velocity) > STANDING_MPS:
             held = place
         flown.moving += any(sent)
         flown.moved_after += flown.released_s is not None and any(sent)
@@ -121,7 +123,7 @@ def fly(
         for step in range(round(TICK_S / STEP_S)):
             command = sent if flown.released_s is None else _hold(place, held)
             push = gust if step == 0 else (0.0, 0.0)
-            velocity = tuple(a.step(c, p, rng.gauss(0, 1)) for a, c, p in zip(axes, command, push, strict=True))
+            velocity = body.step(command, push, (rng.gauss(0, 1), rng.gauss(0, 1)))
             place = place[0] + velocity[0] * STEP_S, place[1] + velocity[1] * STEP_S
             flown.path_m += math.hypot(*velocity) * STEP_S
             flown.beyond_m = max(flown.beyond_m, beyond_m(place))
