@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.link_faults import Conditions, OneWay
 from sitl_mocks.vehicle import MockVehicle, Mode, Personality
+from sitl_mocks.vehicle.signing import timestamp_of
 from sitl_mocks.vehicle.streams import (
     ATTITUDE,
     CURRENT_MODE,
@@ -18,8 +20,9 @@ from sitl_mocks.vehicle.streams import (
 )
 from tests.faults.break_vehicle import once_external
 from tests.faults.script import Happened
-from tests.faults.world import DELAY_S, VEHICLE_PEER, World
+from tests.faults.world import DELAY_S, UNIX_S, VEHICLE_PEER, Setup, World
 
+_HEARTBEAT_S = 3.1
 _STRANGER = ("stranger", 14555)
 
 
@@ -96,7 +99,8 @@ def height_stops(world: World) -> Happened:
 
 
 def heartbeat_stops(world: World) -> Happened:
-    """HEARTBEAT and CURRENT_MODE come no more."""
+    """HEARTBEAT and CURRENT_MODE come no more; until T_hb it cannot be known who has the vehicle."""
+    world.monitor.limits = replace(world.monitor.limits, mode_grace_s=_HEARTBEAT_S)
     return _stop(world, HEARTBEAT, CURRENT_MODE)
 
 
@@ -176,15 +180,46 @@ def second_vehicle(world: World) -> Happened:
     return lambda: count[0] > 50 and other.autopilot.mode is not Mode.EXTERNAL
 
 
-def forged_mode(world: World) -> Happened:
-    """The pilot takes over, and somebody without the key says in the vehicle's name that we still have it."""
+def signed(setup: Setup) -> Setup:
+    """Both ends share a key."""
+    return replace(setup, signed=True)
+
+
+def _lie(world: World, lie: Callable[[], bytes]) -> Happened:
+    """The pilot takes over, and from then on somebody says in the vehicle's name that we still have it."""
     once_external(world, lambda: world.vehicle.pilot_sets_mode(Mode.LAND))
+    peer = world.random.choice((VEHICLE_PEER, _STRANGER))
+    world.loop.call_later(0.3, lambda: _repeat(world, 0.2, lambda: world.inject(lie(), peer)))
+    wire = world.wire
+    assert wire.signing is not None
+    signing, dropped = wire.signing, wire.signing.refused + wire.counters.foreign_datagrams
+
+    def happened() -> bool:
+        told = signing.refused + wire.counters.foreign_datagrams - dropped
+        return told > 5 and world.vehicle.autopilot.mode is Mode.LAND
+
+    return happened
+
+
+def forged_mode(world: World) -> Happened:
+    """Made up by somebody without a key."""
     forger = mavlink.MAVLink(None, 1, 1)
     kind, number = (12, 6 << 16) if world.px4 else (3, 4)
-    peer = world.random.choice((VEHICLE_PEER, _STRANGER))
     heartbeat = mavlink.MAVLink_heartbeat_message(2, kind, 0x91, number, 4, 3)
-    world.loop.call_later(0.15, lambda: _repeat(world, 0.2, lambda: world.inject(heartbeat.pack(forger), peer)))
-    return lambda: world.vehicle.autopilot.mode is Mode.LAND
+    return _lie(world, lambda: heartbeat.pack(forger))
+
+
+def replayed_mode(world: World) -> Happened:
+    """Recorded while we had it."""
+    forger = mavlink.MAVLink(None, 1, 1)
+    if world.setup.signed:
+        forger.signing.secret_key, forger.signing.sign_outgoing = world.vehicle.signing.key, True
+    heard = world.vehicle.message(HEARTBEAT, world.loop.time())
+    kind, number = (12, 6 << 16) if world.px4 else (3, 4)
+    heard.autopilot, heard.custom_mode = kind, number
+    forger.signing.timestamp = timestamp_of(UNIX_S + world.loop.time() - 100.0 - 1.0)
+    recording = heard.pack(forger)
+    return _lie(world, lambda: recording)
 
 
 def garbage(world: World) -> Happened:

@@ -42,7 +42,8 @@ LINK: Final = (
     Fault(29, "somebody else listens", Expect.GOES_ON, link.foreign_heartbeats),
     Fault(29, "somebody else commands", Expect.TAKEN_OVER, link.foreign_command, 0.15),
     Fault(30, "a second vehicle", Expect.GOES_ON, link.second_vehicle, watch_s=3.5),
-    Fault(31, "forged: the mode is ours", Expect.TAKEN_OVER, link.forged_mode, 0.15, watch_s=4.0),
+    Fault(31, "forged: the mode is ours", Expect.TAKEN_OVER, link.forged_mode, 0.15, link.signed, watch_s=4.0),
+    Fault(31, "replayed: the mode is ours", Expect.TAKEN_OVER, link.replayed_mode, 0.15, link.signed, watch_s=4.0),
     Fault(32, "garbage on the link", Expect.GOES_ON, link.garbage),
 )
 VEHICLE: Final = (

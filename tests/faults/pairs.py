@@ -16,6 +16,10 @@ def pair(first: Fault, second: Fault) -> Fault:
     A fault can keep another one from happening (nothing is left to break), so only one of the two has to be proved.
     """
 
+    if first.from_start != second.from_start:
+        early, late = (first, second) if first.from_start else (second, first)
+        return _one_before(early, late)
+
     def inject(world: World) -> Happened:
         proofs = [first.inject(world)]
         world.loop.call_later(world.random.uniform(0.0, 0.5), lambda: proofs.append(second.inject(world)))
@@ -25,7 +29,7 @@ def pair(first: Fault, second: Fault) -> Fault:
         return second.prepare(first.prepare(setup))
 
     bounds = [fault.bound_s for fault in (first, second) if fault.bound_s is not None and fault.expect in _ENDS]
-    both_end = len(bounds) == 2 and not (first.from_start or second.from_start)
+    both_end = len(bounds) == 2 and not first.from_start
     return replace(
         first,
         name=f"{first.name} + {second.label}",
@@ -34,7 +38,20 @@ def pair(first: Fault, second: Fault) -> Fault:
         prepare=prepare,
         bound_s=max(bounds) + 0.5 if both_end else None,
         watch_s=max(first.watch_s, second.watch_s),
-        from_start=first.from_start or second.from_start,
+    )
+
+
+def _one_before(early: Fault, late: Fault) -> Fault:
+    """One is there from the start, and may keep the flight from coming to the other."""
+    return replace(
+        late,
+        name=f"{late.name} + {early.label}",
+        expect=Expect.ANY,
+        before=early.inject,
+        inject=lambda world: late.inject(world) and (lambda: True),
+        prepare=lambda setup: late.prepare(early.prepare(setup)),
+        bound_s=None,
+        watch_s=max(early.watch_s, late.watch_s),
     )
 
 

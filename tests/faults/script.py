@@ -71,6 +71,7 @@ class Fault:
     bound_s: float | None = None
     prepare: Callable[[Setup], Setup] = lambda setup: setup
     phases: tuple[Phase, ...] = tuple(Phase)
+    before: Callable[[World], object] | None = None  # broken before the operator selects, besides
     from_start: bool = False  # it is there before the operator selects; the bound counts from the first motion
     watch_s: float = 2.5  # how long after the fault
 
@@ -147,6 +148,8 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: 
             _break(world, fault, flown)
 
     world.monitor.phase = "follow"
+    if fault.before is not None:
+        fault.before(world)
     if fault.from_start:
         _break(world, fault, flown)
     engaging = loop.create_task(engage(world, flown, lambda: _break_in(Phase.ENGAGING)))

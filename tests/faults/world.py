@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import random
+import tempfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, cast
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -16,6 +18,9 @@ from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.config import CameraConfig, Config
 from gcs.flight import Flight, Link
+from gcs.keys import SigningKey
+from gcs.signing import Signing
+from gcs.signing_time import SigningTime
 from gcs.telemetry import Telemetry
 from gcs.transport import Peer, Received
 from gcs.wire import Wire
@@ -33,6 +38,7 @@ VEHICLE_PEER: Peer = ("vehicle", 14580)
 _STILL = 1e-6
 _RECENT_S = 0.25
 _SILENCE_S = 0.5
+_KEY, UNIX_S = bytes(range(1, 33)), 1.79e9
 _ENDED = (State.RELEASED, State.TAKEN_OVER)
 _ACCELERATION_MPS2 = 4.0
 
@@ -47,6 +53,7 @@ class Setup:
     height_m: float | None = 9.0  # None: on the ground, disarmed
     limits: MonitorLimits = field(default_factory=lambda: LIMITS)
     parameters: dict[str, float] = field(default_factory=dict)  # on top of the prepared ones
+    signed: bool = False  # MAVLink 2 signing, both ways
 
 
 CAMERA = CameraConfig(hfov_deg=math.degrees(HFOV_RAD), mount_rpy_deg=(0.0, math.degrees(MOUNT_PITCH_RAD), 0.0))
@@ -148,6 +155,8 @@ class World:
             parameters={**PREPARED[setup.personality], **setup.parameters},
             rates_hz={HEARTBEAT: 1.0},
             seed=setup.seed,
+            signing_key=_KEY if setup.signed else None,
+            unix_start_s=UNIX_S,
         )
         self.monitor = WireMonitor(setup.limits)
         self.exit = Exit()
@@ -168,7 +177,7 @@ class World:
         self.station: StationEnd | None = None
         self._backlog: list[tuple[bytes, Peer]] = []
         self.eyes = Eyes(random.Random(setup.seed + 5))
-        self.wire = Wire.over(self._transport, clock=loop)
+        self.wire = Wire.over(self._transport, clock=loop, signing=self._signing() if setup.signed else None)
         self.telemetry = Telemetry(self.wire, loop)
         modes = ModeControl(self.wire, self.telemetry, loop)
         link = Link(self.wire, self.telemetry, modes, cast(VehicleActions, None))
@@ -176,6 +185,12 @@ class World:
         self.flight = Flight(link, source, tracker, setup.config, loop, say=self.said.append)
         self.vision = LockstepVision(self.eyes, loop, self.flight.saw)
         self.flight.vision = self.vision
+
+    def _signing(self) -> Signing:
+        folder = tempfile.TemporaryDirectory()
+        self.undo.append(folder.cleanup)
+        times = SigningTime(Path(folder.name) / "time", self.loop, UNIX_S)
+        return Signing(SigningKey(_KEY), times, self.loop)
 
     def _transport(self, received: Received) -> StationEnd:
         self.station = StationEnd(self._leave, received)
