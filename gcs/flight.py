@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from control.camera import CameraModel
+from control.checks import fresh
 from control.engagement import Action
 from control.gate import TICK_S
 from control.types import VehicleMode
@@ -47,6 +48,7 @@ from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _LEAVING_ZEROS: Final = 3
+_MODE_AGE_S: Final = 1.1
 _FPS_FRAMES: Final = 20
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
@@ -182,7 +184,9 @@ class Flight:
             await asyncio.sleep(TICK_S)
         holding = asyncio.create_task(self._modes.hold())
         while not holding.done():
-            self._send_zero()
+            # Where the mode is not heard, it may long be holding or be a pilot's.
+            if fresh(self.link.telemetry.vehicle_state().mode_t_s, self.clock.now_s(), _MODE_AGE_S):
+                self._send_zero()
             await asyncio.wait([holding], timeout=TICK_S)
 
     def _send_zero(self) -> None:

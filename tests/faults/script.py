@@ -236,6 +236,8 @@ def _unexpected(world: World, expect: Expect, went_on: bool, flown: Flown, phase
     if flown.crash and expect not in (Expect.CRASHED, Expect.ANY):
         return [f"the flight ended: {flown.crash}"]
     match expect:
+        case Expect.RELEASED if not (world.engaged_before or world.monitor.external_entries):
+            pass  # it came before the follow had begun, which it kept from beginning
         case Expect.RELEASED if not (state is State.RELEASED and quiet and still and not truth.external):
             return [f"expected released, silent and the vehicle in hold: {said}"]
         case Expect.TAKEN_OVER if state not in (State.TAKEN_OVER, State.RELEASED) and world.engaged_before:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 import random
 import tempfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
-
-from pymavlink.dialects.v20 import development as mavlink
 
 from control.engagement import State
 from gcs.autopilot.actions import VehicleActions
@@ -29,18 +26,16 @@ from sitl_mocks.monitor import MonitorLimits, Vec3, WireMonitor
 from sitl_mocks.vehicle import MockVehicle, Personality
 from sitl_mocks.vehicle.params import PREPARED
 from sitl_mocks.vehicle.streams import HEARTBEAT
+from tests.faults.exit import Exit
 from tests.faults.eyes import HFOV_RAD, MOUNT_PITCH_RAD, Eyes, LockstepVision, ModelTracker, NoSource
 from tests.faults.lockstep import LockstepLoop
 
 STEP_S = 0.01
 DELAY_S = 0.01  # each way
 VEHICLE_PEER: Peer = ("vehicle", 14580)
-_STILL = 1e-6
 _RECENT_S = 0.25
-_SILENCE_S = 0.5
 _KEY, UNIX_S = bytes(range(1, 33)), 1.79e9
 _ENDED = (State.RELEASED, State.TAKEN_OVER)
-_ACCELERATION_MPS2 = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,42 +79,6 @@ class Target:
         north, east, down = self.position_ned_m
         length_m = self.speed_mps * STEP_S
         self.position_ned_m = (north + length_m * math.cos(heading), east + length_m * math.sin(heading), down)
-
-
-@dataclass(slots=True)
-class Exit:
-    """Every setpoint that leaves the station, decoded by pymavlink alone."""
-
-    setpoints: list[tuple[float, bool]] = field(default_factory=list)  # (time, moving)
-    velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)  # of the newest
-    faults: list[str] = field(default_factory=list)  # what no link can have done: a step, a follow begun anew
-    ended: bool = False  # the station has said that the follow is over
-    digest: int = 0
-
-    def note(self, now_s: float, datagram: bytes) -> None:
-        """One datagram left at now_s."""
-        self.digest = zlib.crc32(datagram, self.digest ^ round(now_s * 1e6) & 0xFFFFFFFF)
-        parser = mavlink.MAVLink(None)
-        parser.robust_parsing = True
-        for message in parser.parse_buffer(bytearray(datagram)) or ():
-            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
-                before, self.velocity_ned_mps = self.velocity_ned_mps, (message.vx, message.vy, message.vz)
-                dt_s = now_s - self.setpoints[-1][0] if self.setpoints else math.inf
-                step_mps = math.dist(before if dt_s < _SILENCE_S else (0.0, 0.0, 0.0), self.velocity_ned_mps)
-                if any(self.velocity_ned_mps) and step_mps > _ACCELERATION_MPS2 * min(max(dt_s, 0.05), 0.2) + 1e-3:
-                    self.faults.append(f"velocity step {step_mps:.3f} m/s after {dt_s:.3f} s at the exit")
-                moving = max(*map(abs, self.velocity_ned_mps), abs(message.yaw_rate)) > _STILL
-                self.setpoints.append((now_s, moving))
-                if moving and self.ended:
-                    self.faults.append(f"moving again at {now_s:.3f} s, after the follow was over")
-
-    def last_s(self, moving: bool) -> float | None:
-        """When the last setpoint left; moving: the last that was not zero."""
-        return next((t_s for t_s, moves in reversed(self.setpoints) if moves or not moving), None)
-
-    def any_moving(self, from_s: float, to_s: float) -> bool:
-        """Whether the vehicle was being moved in that time."""
-        return any(moves and from_s <= t_s <= to_s for t_s, moves in self.setpoints)
 
 
 class StationEnd:
