@@ -126,7 +126,8 @@ class Orders:
         if tick.output.state in _ENDED:
             raise RefusedError("not following: " + "; ".join(cause.value for cause in tick.output.reasons))
         confirmation = flight.control.confirmation
-        assert confirmation is not None
+        if confirmation is None or not flight.control.is_engaged:
+            raise RefusedError("not following: it was aborted at the same moment")
         return f"{confirmation.mode.value} confirmed at {confirmation.standoff_m:.1f} m"
 
     def _why_not(self, tick: Tick) -> tuple[str, ...]:

@@ -156,6 +156,8 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: 
     await asyncio.wait([engaging, flight], return_when=asyncio.FIRST_COMPLETED)  # an ended flight answers nobody
     if not engaging.done():
         engaging.cancel()
+    else:
+        engaging.result()  # what the operator's orders raise beyond a refusal ends a real flight
     await _go_on_to(world, phase)
     _break_in(phase)
     if phase in (Phase.COASTING, Phase.LOST):  # the target shows up again: a temptation to fly on
