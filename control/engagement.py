@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from types import MappingProxyType
 from typing import Final
 
 from control.causes import Cause, Clear, Severity, leading, worst
@@ -57,22 +56,21 @@ class Output:
     warnings: tuple[Cause, ...] = ()  # to be told; they change nothing
 
 
-_REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = MappingProxyType(
-    {
-        Severity.NONE: (State.FOLLOWING, Action.SEND_REQUEST),
-        Severity.WARN: (State.FOLLOWING, Action.SEND_REQUEST),
-        Severity.COAST: (State.COASTING, Action.SEND_REQUEST),
-        Severity.ZERO: (State.LOST_HOLD, Action.SEND_ZERO),
-        Severity.RELEASE: (State.RELEASED, Action.COMMAND_HOLD),
-        Severity.SILENT: (State.RELEASED, Action.SILENCE),
-        Severity.TAKEN_OVER: (State.TAKEN_OVER, Action.SILENCE),
-        Severity.ABORT: (State.RELEASED, Action.COMMAND_HOLD),
-    }
-)
+_REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = {
+    Severity.NONE: (State.FOLLOWING, Action.SEND_REQUEST),
+    Severity.WARN: (State.FOLLOWING, Action.SEND_REQUEST),
+    Severity.COAST: (State.COASTING, Action.SEND_REQUEST),
+    Severity.ZERO: (State.LOST_HOLD, Action.SEND_ZERO),
+    Severity.RELEASE: (State.RELEASED, Action.COMMAND_HOLD),
+    Severity.SILENT: (State.RELEASED, Action.SILENCE),
+    Severity.TAKEN_OVER: (State.TAKEN_OVER, Action.SILENCE),
+    Severity.ABORT: (State.RELEASED, Action.COMMAND_HOLD),
+}
 _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 _ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
 _SETTLE_S: Final = 0.5  # hold is commanded at least so long: our own mode request may still be under way
 _MODE_AGE_S: Final = 1.2  # older, the vehicle may long be holding, or be a pilot's; ArduCopter tells it each second
+_LISTEN_S: Final = 0.1  # after a gap of our own what had waited is read by then: only what is newer counts
 _RECOVERY: Final = 0.25  # as in PX4: a flickering condition still ends in its action
 
 
@@ -170,13 +168,15 @@ class Engagement:
     def _hold(self, now_s: float, inputs: Inputs) -> Output:
         """Ask for hold until it is seen, and a moment longer; only once where the mode is not heard."""
         mode, age_s = inputs.vehicle.mode, now_s - self._since_s
+        old_news = Cause.OWN_GAP in self._ended_by and not fresh(inputs.vehicle.mode_t_s, now_s, age_s - _LISTEN_S)
         unheard = age_s > 0 and not fresh(inputs.vehicle.mode_t_s, now_s, _MODE_AGE_S)
         if self._holding and mode is VehicleMode.EXTERNAL and age_s > self._config.hold_s:
             self._ended_by = self._reasons = (*self._ended_by, Cause.HOLD_REFUSED)
             self._holding = False
         elif unheard or (mode is not VehicleMode.EXTERNAL and (mode is not VehicleMode.HOLD or age_s > _SETTLE_S)):
             self._holding = False
-        return Output(self._state, self._reasons, Action.COMMAND_HOLD if self._holding else Action.SILENCE)
+        action = Action.COMMAND_HOLD if self._holding and not old_news else Action.SILENCE
+        return Output(self._state, self._reasons, action)
 
     def _ended(self, now_s: float, inputs: Inputs, active: tuple[Cause, ...]) -> Output:
         if inputs.abort and inputs.vehicle.mode is VehicleMode.EXTERNAL:

@@ -38,8 +38,43 @@ def test_what_ends_a_follow(state, change, end, cause):
         story.reach(state)
     out = story.tick(**change)
     assert (out.state, out.reasons) == (end, (cause,))
-    assert out.action is (Action.COMMAND_HOLD if end is State.RELEASED else Action.SILENCE)
+    holds = end is State.RELEASED and cause is not Cause.OWN_GAP  # after which we listen first
+    assert out.action is (Action.COMMAND_HOLD if holds else Action.SILENCE)
     assert out.velocity_factor == 0.0
+
+
+def test_after_a_gap_of_our_own_hold_is_commanded_once_the_mode_is_heard_anew():
+    story = Story().follow()
+    story.tick(dt=2.0)
+    gap_end_s = story.now
+    while story.now + TICK < gap_end_s + 0.1:  # what had waited in the socket looks new and is old
+        assert story.tick().action is Action.SILENCE
+    assert {story.tick(mode_t_s=gap_end_s + 0.09).action for _ in range(6)} == {Action.SILENCE}
+    assert story.tick(mode_t_s=gap_end_s + 0.11).action is Action.COMMAND_HOLD
+    assert story.tick().action is Action.COMMAND_HOLD
+    assert story.ticks(12, mode=VehicleMode.HOLD)[-1].action is Action.SILENCE
+
+
+def test_after_a_gap_of_our_own_a_vehicle_that_helped_itself_is_left_alone():
+    story = Story().follow()
+    story.tick(dt=2.0)
+    actions = [story.tick(mode_t_s=story.now - 2.0).action]
+    actions += [out.action for out in story.ticks(40, mode=VehicleMode.RETURN, failsafe=True)]
+    assert set(actions) == {Action.SILENCE}
+
+
+def test_after_a_gap_of_our_own_and_no_word_of_the_mode_nothing_is_commanded_and_it_can_be_acknowledged():
+    story = Story().follow()
+    story.tick(dt=2.0)
+    heard_s = story.now
+    assert {out.action for out in story.ticks(30, mode_t_s=heard_s)} == {Action.SILENCE}
+    assert story.tick(acknowledge=True).state is State.SELECTED
+
+
+def test_an_abort_after_a_gap_of_our_own_holds_at_once():
+    story = Story().follow()
+    story.tick(dt=2.0)
+    assert story.tick(abort=True).action is Action.COMMAND_HOLD
 
 
 def test_all_causes_of_the_worst_severity_are_named_in_the_order_of_the_table():

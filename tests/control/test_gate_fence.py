@@ -170,3 +170,23 @@ def test_a_velocity_that_is_no_velocity_is_flying_blind():
     for bad in (None, (1.0, 0.0), (math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)):
         vehicle = replace(HEALTHY, velocity_ned_mps=bad)
         assert gate(request(), vehicle, NOW, None, LIMITS)[1] is Reason.TELEMETRY_STALE
+
+
+@pytest.mark.parametrize("fast_mps", [-7.0, 1.0, 7.0])
+def test_what_flies_fast_along_a_side_keeps_further_from_it(fast_mps):
+    vehicle = replace(at(48.0), velocity_ned_mps=(0.0, fast_mps, 0.0))
+    ahead = {(round(n), round(e)): most for n, e, most in bounds(vehicle, SQUARE)}
+    stop_s = SQUARE.response_s + abs(fast_mps) / (2 * SQUARE.braking_mps2)
+    assert ahead[1, 0] == pytest.approx(min(2.0 / stop_s, stoppable_mps(2.0, SQUARE)))
+    assert (ahead[1, 0] < stoppable_mps(2.0, SQUARE)) is (abs(fast_mps) > stoppable_mps(2.0, SQUARE))
+
+
+def test_faster_than_allowed_reaches_further():
+    vehicle = replace(at(SIDE_M - 25.0), velocity_ned_mps=(0.0, 12.0, 0.0))
+    most = {(n, e): most for n, e, most in bounds(vehicle, LIMITS)}
+    assert most[1.0, 0.0] == pytest.approx(25.0 / (0.9 + 12.0 / 4.0))
+
+
+def test_past_a_side_there_is_no_speed_towards_it():
+    vehicle = replace(at(49.0), velocity_ned_mps=(5.0, 0.0, 0.0))
+    assert {(round(n), round(e)): most for n, e, most in bounds(vehicle, SQUARE)}[1, 0] == 0.0
