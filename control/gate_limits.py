@@ -56,15 +56,18 @@ def outside(position_ned_m: Vec3, height_m: float, limits: Limits) -> bool:
 def bounds(vehicle: VehicleState, limits: Limits) -> list[Bound]:
     """How fast one may fly towards each wall of the fence that matters, and still stop before it.
 
-    Whatever is sent now acts late: until then the vehicle flies on as it does, wind and all.
+    Whatever is sent now acts late: until then the vehicle flies on as it does, wind and all. And what flies fast
+    along a wall takes long to stop: so long it keeps a part of the speed that it has towards the wall.
     """
     north_mps, east_mps, _ = vehicle.velocity_ned_mps
-    reach_m = limits.max_speed_mps * limits.response_s + limits.max_speed_mps**2 / (2 * limits.braking_mps2)
+    stop_s = limits.response_s + math.hypot(north_mps, east_mps) / (2 * limits.braking_mps2)
+    full_stop_s = limits.response_s + limits.max_speed_mps / (2 * limits.braking_mps2)
+    reach_m = limits.max_speed_mps * max(stop_s, full_stop_s)
     found = []
     for n, e, distance_m in walls(limits.fence, *vehicle.position_ned_m[:2]):
         left_m = distance_m - max(n * north_mps + e * east_mps, 0.0) * limits.response_s
         if left_m < reach_m:
-            found.append((n, e, stoppable_mps(left_m, limits)))
+            found.append((n, e, min(stoppable_mps(left_m, limits), max(left_m, 0.0) / stop_s)))
     return found
 
 
