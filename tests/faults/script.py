@@ -148,6 +148,7 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: 
             _break(world, fault, flown)
 
     world.monitor.phase = "follow"
+    await world.wire.wait_vehicle(_READY_S)  # of two vehicles the one heard first is ours
     if fault.before is not None:
         fault.before(world)
     if fault.from_start:
