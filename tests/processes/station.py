@@ -42,6 +42,7 @@ from tests.gcs.flight_rig import box_of
 from tracker.box import Box, TrackResult
 
 _FPS = 20.0
+_KEPT_TICKS = 20_000  # from the start, so that keeping them is no growth
 _TEXTURE = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
 _BOX = Box(320.0, 240.0, 40.0, 40.0)
 
@@ -109,7 +110,7 @@ class Station:
         self._orders = Orders(flight)
         self._tasks: set[asyncio.Task[None]] = set()
         self._state = ""
-        self._tick_times_s: deque[float] = deque(maxlen=100_000)
+        self._tick_times_s: deque[float] = deque([0.0] * _KEPT_TICKS, maxlen=_KEPT_TICKS)
 
     def saw(self, sighting: Sighting) -> None:
         """Watcher: nothing to do."""
@@ -164,7 +165,7 @@ class Station:
             case "hold":  # an order by way of MAVSDK
                 await self._flight.link.actions.hold()
             case "gaps":
-                times = tuple(self._tick_times_s)
+                times = [t_s for t_s in self._tick_times_s if t_s > 0]
                 return [b - a for a, b in itertools.pairwise(times)]
             case "quit":
                 self._flight.stop()
