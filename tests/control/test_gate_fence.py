@@ -190,3 +190,9 @@ def test_faster_than_allowed_reaches_further():
 def test_past_a_side_there_is_no_speed_towards_it():
     vehicle = replace(at(49.0), velocity_ned_mps=(5.0, 0.0, 0.0))
     assert {(round(n), round(e)): most for n, e, most in bounds(vehicle, SQUARE)}[1, 0] == 0.0
+
+
+def test_fast_along_another_side_and_very_near():
+    vehicle = replace(at(0.0, 49.5), velocity_ned_mps=(7.0, 0.0, 0.0))
+    ahead = {(round(n), round(e)): most for n, e, most in bounds(vehicle, SQUARE)}
+    assert ahead[0, 1] == pytest.approx(0.5 / (SQUARE.response_s + 7.0 / (2 * SQUARE.braking_mps2)))
