@@ -179,7 +179,7 @@ def bearing_measurement(
     """
     numbers = (cx_px, cy_px, w_px, h_px, *attitude, t_capture_s, confidence)
     most_px = 4.0 * max(camera.width_px, camera.height_px)
-    fits = 0.0 < min(w_px, h_px) and max(abs(cx_px), abs(cy_px), w_px, h_px) <= most_px
+    fits = min(w_px, h_px) > 0.0 and max(abs(cx_px), abs(cy_px), w_px, h_px) <= most_px
     if not (fits and all(map(math.isfinite, numbers))):
         raise ValueError(f"box ({cx_px}, {cy_px}, {w_px}, {h_px}) px at {t_capture_s} s is not a usable box")
     ray = ray_camera(camera, cx_px, cy_px)
