@@ -158,8 +158,8 @@ def foreign_command(world: World) -> Happened:
     else:
         numbers = (9.0 if mode is Mode.LAND else 6.0, 0.0)
     data = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 129.0, *numbers, 0, 0, 0, 0).pack(_packer(254))
-    once_external(world, lambda: world.down_from_vehicle(world.vehicle.receive(data, world.loop.time())))
-    return lambda: world.vehicle.autopilot.mode is mode
+    modes = once_external(world, lambda: world.down_from_vehicle(world.vehicle.receive(data, world.loop.time())))
+    return lambda: mode in modes
 
 
 def second_vehicle(world: World) -> Happened:
@@ -187,7 +187,7 @@ def signed(setup: Setup) -> Setup:
 
 def _lie(world: World, lie: Callable[[], bytes]) -> Happened:
     """The pilot takes over, and from then on somebody says in the vehicle's name that we still have it."""
-    once_external(world, lambda: world.vehicle.pilot_sets_mode(Mode.LAND))
+    modes = once_external(world, lambda: world.vehicle.pilot_sets_mode(Mode.LAND))
     peer = world.random.choice((VEHICLE_PEER, _STRANGER))
     world.loop.call_later(0.3, lambda: _repeat(world, 0.2, lambda: world.inject(lie(), peer)))
     wire = world.wire
@@ -196,7 +196,7 @@ def _lie(world: World, lie: Callable[[], bytes]) -> Happened:
 
     def happened() -> bool:
         told = signing.refused + wire.counters.foreign_datagrams - dropped
-        return told > 5 and world.vehicle.autopilot.mode is Mode.LAND
+        return told > 5 and Mode.LAND in modes
 
     return happened
 

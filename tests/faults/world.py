@@ -146,7 +146,7 @@ class World:
         self.flight.vision = self.vision
 
     def _signing(self) -> Signing:
-        folder = tempfile.TemporaryDirectory()
+        folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.undo.append(folder.cleanup)
         times = SigningTime(Path(folder.name) / "time", self.loop, UNIX_S)
         return Signing(SigningKey(_KEY), times, self.loop)
