@@ -70,11 +70,14 @@ def run_job(job: Job) -> tuple[Job, Outcome]:
     """One run; a run that raises is a failed one."""
     first, second, phase_number, seed = job
     fault, phase = FAULTS[first], list(Phase)[phase_number]
+    disabled = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
         outcome = fly(fault, phase, seed) if second < 0 else fly_pair(fault, FAULTS[second], phase, seed)
     except Exception as error:  # noqa: BLE001 - the campaign goes on and reports it
         outcome = Outcome(fault.label, phase, seed, None, False, 0, (f"the run raised {error!r}",), 0, 0.0)
+    finally:
+        logging.disable(disabled)
     return job, outcome
 
 
