@@ -119,6 +119,11 @@ def set_mode(vehicle: VehicleId, mode: VehicleMode, armed: bool, confirmation: i
     return command(vehicle, dialect.MAV_CMD_DO_SET_MODE, base, *numbers, confirmation=confirmation)
 
 
+def timesync(stamp_ns: int) -> Message:
+    """A TIMESYNC request; the vehicle answers with ts1 as it was."""
+    return dialect.MAVLink_timesync_message(0, stamp_ns)
+
+
 def set_message_interval(vehicle: VehicleId, message_id: int, rate_hz: float) -> Message:
     """MAV_CMD_SET_MESSAGE_INTERVAL; rate_hz > 0."""
     interval_us = float(round(1e6 / rate_hz))

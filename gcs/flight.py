@@ -19,6 +19,7 @@ from control.checks import fresh
 from control.engagement import Action
 from control.gate import TICK_S
 from control.types import VehicleMode
+from gcs import codec
 from gcs.announcer import Announcer
 from gcs.audit import Audit
 from gcs.auditor import Auditor
@@ -144,6 +145,9 @@ class Flight:
             if now_s >= beat_s:
                 self.link.wire.send_heartbeat()
                 beat_s = now_s + _HEARTBEAT_S
+            stamp_ns = self.link.telemetry.round_trip.ask(now_s)
+            if stamp_ns is not None:
+                self.link.wire.send_message(codec.timesync(stamp_ns))
             # After a stall the missed ticks are gone; nothing is made up for.
             due_s = due_s + TICK_S if due_s + TICK_S > now_s else now_s + TICK_S
             await asyncio.sleep(max(due_s - self.clock.now_s(), 0.0))

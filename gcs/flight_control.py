@@ -200,7 +200,7 @@ class FollowControl:
         self._inputs = replace(
             self._inputs,
             late_t_s=now_s if late else self._inputs.late_t_s,
-            echo_lost=self._echo.is_lost,
+            echo_lost=self._echo.is_lost or link.unheard,
             foreign_setpoints=self._echo.is_foreign,
             lossy=link.lossy,
             foreign_station=link.foreign_station,

@@ -14,11 +14,15 @@ _FOREIGN_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class LinkHealth:
-    """lossy: more than a fifth of the telemetry of the last two seconds is missing. echo: the newest."""
+    """lossy: more than a fifth of the telemetry of the last two seconds is missing. echo: the newest.
+
+    unheard: the vehicle has stopped to answer.
+    """
 
     lossy: bool = False
     foreign_station: bool = False
     echo: SetpointEcho | None = None
+    unheard: bool = False
 
 
 def link_health(wire: Wire, telemetry: Telemetry, now_s: float) -> LinkHealth:
@@ -27,4 +31,5 @@ def link_health(wire: Wire, telemetry: Telemetry, now_s: float) -> LinkHealth:
         lossy=wire.loss.loss_frac(now_s) > _MUCH_LOSS_FRAC,
         foreign_station=any(now_s - t_s < _FOREIGN_S for t_s in telemetry.foreign_stations.values()),
         echo=telemetry.setpoint_echo,
+        unheard=telemetry.round_trip.is_unheard(now_s),
     )

@@ -16,6 +16,7 @@ from gcs.codec import VehicleId
 from gcs.errors import VehicleError
 from gcs.framing import Message, dialect
 from gcs.home_frame import Home, HomeFrame
+from gcs.round_trip import RoundTrip
 from gcs.statustext import StatusText, StatusTextAssembler
 from gcs.streams import StreamKeeper
 from gcs.wire import COMPONENT_ID, SYSTEM_ID, Wire
@@ -74,6 +75,7 @@ class Telemetry:
         self.home: Home | None = None  # as last told
         self.home_frame = HomeFrame()
         self.setpoint_echo: SetpointEcho | None = None
+        self.round_trip = RoundTrip()
         self.foreign_stations: dict[tuple[int, int], float] = {}  # (system, component) -> last heard, s
         self.reconnects = 0
 
@@ -141,6 +143,8 @@ class Telemetry:
                 self.home = Home(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
             case "POSITION_TARGET_LOCAL_NED":
                 self._echo(message, t_s)
+            case "TIMESYNC":
+                self.round_trip.note(message.tc1, message.ts1, t_s)
 
     def _place(self, message: Message) -> None:
         if self.home is not None and self._local_t_s is not None:

@@ -32,7 +32,7 @@ VIDEO: Final = (
 
 LINK: Final = (
     Fault(10, "link down", Expect.ENDED, link.link_down, 0.55, watch_s=5.0),
-    Fault(11, "it does not hear us", Expect.ENDED, link.uplink_down, 2.5, watch_s=5.0),
+    Fault(11, "it does not hear us", Expect.ENDED, link.uplink_down, 1.5, watch_s=5.0),
     Fault(12, "we do not hear it", Expect.ENDED, link.downlink_down, 0.55, watch_s=4.0),
     Fault(13, "loss, delay, duplicates, overtaking", Expect.SAFE, link.link_bad, watch_s=5.0),
     Fault(28, "attitude stops", Expect.RELEASED, link.attitude_stops, 0.55, watch_s=3.5),
