@@ -78,15 +78,23 @@ class Station:
         self.process = process
         self.said: list[str] = []
 
-    async def hears(self, text: str) -> str:
-        """Lines up to one with this text."""
+    async def hears(self, *texts: str) -> str:
+        """Lines up to one with one of these texts."""
         assert self.process.stdout is not None
         async with asyncio.timeout(40):
             while line := (await self.process.stdout.readline()).decode():
                 self.said.append(line.strip())
-                if text in line:
+                if any(text in line for text in texts):
                     return line
-        raise AssertionError(f"{text!r} was never said: {self.said}")
+        raise AssertionError(f"{texts} were never said: {self.said}")
+
+    async def confirms(self) -> None:
+        """Once more where the machine was busy a moment ago, which refuses it for two seconds."""
+        self.tell("follow")
+        if "late" in await self.hears("confirmed", "not following"):
+            await asyncio.sleep(2.5)
+            self.tell("follow")
+            await self.hears("confirmed")
 
     def tell(self, line: str) -> None:
         assert self.process.stdin is not None
@@ -131,8 +139,7 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
             s.tell(w.box())
             await s.hears("selected")
             await asyncio.sleep(0.6)
-            s.tell("follow")
-            await s.hears("confirmed")
+            await s.confirms()
             await asyncio.sleep(1.0)
             assert w.mode is Mode.EXTERNAL
             assert w.monitor["moving_setpoints"] > 0

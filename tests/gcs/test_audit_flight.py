@@ -43,7 +43,7 @@ async def test_factory_parameters_refuse_to_follow_until_each_is_accepted_by_nam
         assert f"{last} is" in str(error.value)
         assert not any(name in str(error.value) for name in others)
         await s.orders.perform(Accept(last))
-        assert "confirmed" in await s.orders.perform(Confirm())
+        assert "confirmed" in await s.confirm()
         assert s.monitor.summary()["unsafe"] == 0, s.monitor.summary()["reasons"]
         assert s.mock.params["COM_OBL_RC_ACT" if personality is Personality.PX4 else "FENCE_ENABLE"] == 0  # never set
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from control.engagement import Action, State
+from control.engagement import Action, Cause, State
 from control.types import VehicleMode
 from gcs.app import make_flight, open_link
 from gcs.audit import Audit
@@ -104,7 +104,17 @@ class Session:
         await asyncio.sleep(2.5)  # for the attitude rate to be known
         await self.orders.perform(Select(Box(320.0, 240.0, 40.0, 40.0)))
         await asyncio.sleep(0.5)
-        await self.orders.perform(Confirm())
+        await self.confirm()
+
+    async def confirm(self) -> str:
+        """Once more where the machine that runs the tests was busy a moment ago, which refuses it for two seconds."""
+        try:
+            return await self.orders.perform(Confirm())
+        except RefusedError as error:
+            if Cause.OWN_LAG.value not in str(error):
+                raise
+        await asyncio.sleep(2.5)
+        return await self.orders.perform(Confirm())
 
     async def reaches(self, state: State, timeout_s: float = 5.0) -> Tick:
         async with asyncio.timeout(timeout_s):
@@ -207,7 +217,7 @@ async def test_lost_target_is_held_then_taken_up_by_a_new_box() -> None:
         s.tracker.blind = False
         await s.orders.perform(Select(Box(320.0, 240.0, 40.0, 40.0)))
         await asyncio.sleep(0.5)
-        assert "confirmed" in await s.orders.perform(Confirm())
+        assert "confirmed" in await s.confirm()
         assert s.monitor.external_entries == 2
         assert s.monitor.summary()["unsafe"] == 0, s.monitor.summary()["reasons"]
 
@@ -228,7 +238,7 @@ async def test_abort_then_landing_is_no_takeover() -> None:
         assert aborted.output.action is Action.COMMAND_HOLD
         await s.mode(Mode.HOLD)
         await s.orders.perform(Acknowledge())
-        await s.orders.perform(Confirm())
+        await s.confirm()
         await s.orders.perform(Land())
         await s.mode(Mode.LAND)
         tick = await s.flight.next_tick()

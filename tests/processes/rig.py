@@ -152,6 +152,15 @@ class Station:
             self._news.clear()
             await asyncio.wait_for(self._news.wait(), 20.0)
 
+    async def answers(self, since: int) -> dict[str, Any]:
+        """The first order done or refused."""
+        while True:
+            for line in self.lines[since:]:
+                if "done" in line or "refused" in line:
+                    return line
+            self._news.clear()
+            await asyncio.wait_for(self._news.wait(), 20.0)
+
     async def does(self, order: str, timeout_s: float = 30.0) -> dict[str, Any]:
         """Give an order and wait until it is done."""
         since = len(self.lines)
@@ -168,8 +177,15 @@ class Station:
 
     async def confirms(self, wired: Wired) -> None:
         """The one act that may take the vehicle into external control."""
-        wired.monitor.operator_confirms(time.monotonic())
-        await self.does("confirm")
+        for _ in range(3):
+            wired.monitor.operator_confirms(time.monotonic())
+            since = len(self.lines)
+            self.tell("confirm")
+            answer = await self.answers(since)
+            if "late" not in answer.get("refused", ""):  # this machine was busy a moment ago
+                break
+            await asyncio.sleep(2.5)
+        assert answer.get("done") == "confirm", answer
         assert wired.mode is Mode.EXTERNAL
 
     def children(self) -> list[int]:
