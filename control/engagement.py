@@ -69,7 +69,7 @@ _REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = {
 _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 _ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
 _SETTLE_S: Final = 0.5  # hold is commanded at least so long: our own mode request may still be under way
-_MODE_AGE_S: Final = 1.2  # older, the vehicle may long be holding, or be a pilot's; ArduCopter tells it each second
+_MODE_AGE_S: Final = 1.0  # older, the vehicle may long be holding, or be a pilot's; it is asked for five times a second
 _LISTEN_S: Final = 0.1  # after a gap of our own what had waited is read by then: only what is newer counts
 _RECOVERY: Final = 0.25  # as in PX4: a flickering condition still ends in its action
 
