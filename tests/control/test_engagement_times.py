@@ -78,7 +78,7 @@ def test_hold_is_commanded_only_once_where_the_mode_is_not_heard():
     machine, out = lived((-0.1, HOLD, {}), (-0.05, HOLD, {"confirm": True}), (0.0, EXTERNAL, {"abort": True}))
     out = go_on(machine, 1.0, mode_t_s=0.0)
     assert out.action is Action.COMMAND_HOLD
-    out = machine.update(1.201, healthy(1.201, EXTERNAL, mode_t_s=0.0))
+    out = machine.update(1.001, healthy(1.001, EXTERNAL, mode_t_s=0.0))
     assert (out.action, out.reasons) == (Action.SILENCE, (Cause.ABORT,))
     assert machine.update(1.3, healthy(1.3, EXTERNAL)).action is Action.SILENCE  # heard again: not ours any more
     machine = following_since_zero()
