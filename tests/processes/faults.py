@@ -269,7 +269,7 @@ def _longest_gap_s(setpoints: list[Heard]) -> float:
 FAULTS: dict[str, Fault] = {
     "H21 event loop blocked 2 s": blocked_loop,
     "H22 interpreter lock held 2 s": held_interpreter,
-    "H22 SIGSTOP 4 s, SIGCONT": stopped,
+    "H22 SIGSTOP 6 s, SIGCONT": stopped,
     "H23 SIGKILL": killed,
     "H24 SIGTERM": terminated,
     "H22 default executor saturated": saturated,
