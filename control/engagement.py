@@ -17,7 +17,7 @@ from control.config import EngagementConfig
 from control.preflight import Inputs, conditions, target_seen, video_ok
 from control.types import VehicleMode
 
-__all__ = ["Action", "Cause", "Engagement", "Inputs", "Output", "State"]
+__all__ = ["MODE_AGE_S", "Action", "Cause", "Engagement", "Inputs", "Output", "State"]
 
 
 class State(Enum):
@@ -69,7 +69,7 @@ _REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = {
 _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 _ENDED: Final = (State.RELEASED, State.TAKEN_OVER)
 _SETTLE_S: Final = 0.5  # hold is commanded at least so long: our own mode request may still be under way
-_MODE_AGE_S: Final = 1.0  # older, the vehicle may long be holding, or be a pilot's; it is asked for five times a second
+MODE_AGE_S: Final = 1.0  # older, the vehicle may long be holding, or be a pilot's; it is asked for five times a second
 _LISTEN_S: Final = 0.1  # after a gap of our own what had waited is read by then: only what is newer counts
 _RECOVERY: Final = 0.25  # as in PX4: a flickering condition still ends in its action
 
@@ -169,7 +169,7 @@ class Engagement:
         """Ask for hold until it is seen, and a moment longer; only once where the mode is not heard."""
         mode, age_s = inputs.vehicle.mode, now_s - self._since_s
         old_news = Cause.OWN_GAP in self._ended_by and not fresh(inputs.vehicle.mode_t_s, now_s, age_s - _LISTEN_S)
-        unheard = age_s > 0 and not fresh(inputs.vehicle.mode_t_s, now_s, _MODE_AGE_S)
+        unheard = age_s > 0 and not fresh(inputs.vehicle.mode_t_s, now_s, MODE_AGE_S)
         if self._holding and mode is VehicleMode.EXTERNAL and age_s > self._config.hold_s:
             self._ended_by = self._reasons = (*self._ended_by, Cause.HOLD_REFUSED)
             self._holding = False

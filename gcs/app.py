@@ -6,7 +6,6 @@ import argparse
 import asyncio
 import contextlib
 import gc
-import math
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -14,9 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from control.modes import FollowMode
-from gcs.audit import known_name
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
+from gcs.cli_vehicle import with_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import AutopilotChoice, Config, load
 from gcs.dryrun_output import prepare_folder
@@ -52,23 +51,15 @@ class RunOptions:
 def main(args: argparse.Namespace) -> int:
     """The command: arguments over configuration."""
     config = load(args.config)
-    vehicle = config.vehicle
+    vehicle = with_arguments(config.vehicle, args)
     if args.autopilot is not None:
         vehicle = replace(vehicle, autopilot=AutopilotChoice(args.autopilot))
-    if args.timeout is not None:
-        if not (math.isfinite(args.timeout) and args.timeout > 0):
-            raise GcsError(f"--timeout {args.timeout:g}: must be more than 0")
-        vehicle = replace(vehicle, timeout_s=args.timeout)
-    accepted = (*vehicle.accept_parameters, *map(known_name, args.accept))
-    vehicle = replace(vehicle, accept_parameters=accepted)
-    if args.signing_key is not None:
-        vehicle = replace(vehicle, signing_key=args.signing_key)
     video = args.video or config.video.url
     if not video:
         raise VideoError("no video: give --video URL, or video.url in the configuration")
     options = RunOptions(
         video=video,
-        vehicle=args.vehicle or vehicle.url,
+        vehicle=vehicle.url,
         config=replace(config, vehicle=vehicle),
         out=Path(args.out) if args.out else Path(config.recorder.folder) / "run",
         box=None if args.box is None else parse_box(args.box),

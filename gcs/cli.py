@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn, TypeAlias
 
 from gcs import cli_keys
+from gcs.cli_vehicle import add_vehicle
 from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, GcsError, one_line
 
 # The libraries raise ValueErrors of their own for bad input; a plain ValueError is a fault of ours.
@@ -96,31 +97,18 @@ def _add_run(commands: Commands, common: Parser) -> None:
     p = commands.add_parser("run", help=text, description=text, parents=[common])
     p.set_defaults(handler="gcs.app:main")
     p.add_argument("--video", metavar="URL", help="stream, camera:N or file")
-    p.add_argument("--vehicle", metavar="URL", help="udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/X:BAUD")
-    p.add_argument("--config", metavar="FILE", help="configuration (YAML); `gcs config` prints one with every key")
+    add_vehicle(p)
     p.add_argument("--box", metavar="x,y,w,h", help="select this at the start; moves nothing")
     p.add_argument("--autopilot", choices=("auto", "px4", "ardupilot"), help="default: what its heartbeat says")
-    p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
     p.add_argument("--out", metavar="DIR", help="where the recording goes")
-    p.add_argument("--signing-key", metavar="FILE", help="sign the link, and believe nothing unsigned (see `gcs keys`)")
-    _add_accept(p)
-
-
-def _add_accept(p: Parser) -> None:
-    text = "follow although `gcs audit` calls this parameter unsafe; repeat"
-    p.add_argument("--accept", metavar="NAME", action="append", default=[], help=text)
 
 
 def _add_audit(commands: Commands, common: Parser) -> None:
     text = "whether the vehicle's parameters are safe for following; sets nothing; exit status 1 if not"
     p = commands.add_parser("audit", help=text, description=text, parents=[common])
     p.set_defaults(handler="gcs.cli_audit:main")
-    p.add_argument("--vehicle", metavar="URL", help="as for `gcs run`")
-    p.add_argument("--config", metavar="FILE", help="configuration (YAML)")
-    p.add_argument("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
-    p.add_argument("--signing-key", metavar="FILE", help="as for `gcs run`")
+    add_vehicle(p)
     p.add_argument("--json", action="store_true", help="one JSON line")
-    _add_accept(p)
 
 
 def _add_dry_run(commands: Commands, common: Parser) -> None:

@@ -8,15 +8,13 @@ import json
 import math
 import sys
 import textwrap
-from collections.abc import Collection
-from dataclasses import replace
 from typing import Final
 
-from gcs.audit import RULES, Audit, Level, judge, known_name
+from gcs.audit import RULES, Audit, Level, judge
 from gcs.autopilot.parameters import read_parameters
+from gcs.cli_vehicle import with_arguments
 from gcs.clock import MonotonicClock
-from gcs.config import Config, load
-from gcs.errors import GcsError
+from gcs.config import VehicleConfig, load
 from gcs.signing import open_signing, security
 from gcs.wire import Wire
 
@@ -26,16 +24,7 @@ _WIDTH: Final = 100
 
 def main(args: argparse.Namespace) -> int:
     """0: a follow may start. 1: something is unsafe and not accepted."""
-    config = load(args.config)
-    vehicle = config.vehicle
-    if args.timeout is not None:
-        if not (math.isfinite(args.timeout) and args.timeout > 0):
-            raise GcsError(f"--timeout {args.timeout:g}: must be more than 0")
-        vehicle = replace(vehicle, timeout_s=args.timeout)
-    if args.signing_key is not None:
-        vehicle = replace(vehicle, signing_key=args.signing_key)
-    accepted = {*vehicle.accept_parameters, *map(known_name, args.accept)}
-    audit = asyncio.run(_audit(args.vehicle or vehicle.url, replace(config, vehicle=vehicle), accepted))
+    audit = asyncio.run(_audit(with_arguments(load(args.config).vehicle, args)))
     print(_json(audit) if args.json else table(audit))
     return 0 if audit.ok else _UNSAFE
 
@@ -44,17 +33,17 @@ def _say(text: str) -> None:
     print(f"gcs: {text}", file=sys.stderr, flush=True)
 
 
-async def _audit(url: str, config: Config, accepted: Collection[str]) -> Audit:
+async def _audit(wanted: VehicleConfig) -> Audit:
     clock = MonotonicClock()
-    signing = await asyncio.to_thread(open_signing, config.vehicle.signing_key, clock)
-    wire = await Wire.open(url, clock=clock, vehicle_system_id=config.vehicle.system_id, signing=signing)
+    signing = await asyncio.to_thread(open_signing, wanted.signing_key, clock)
+    wire = await Wire.open(wanted.url, clock=clock, vehicle_system_id=wanted.system_id, signing=signing)
     try:
         _say(f"waiting for a vehicle at {wire.url}")
-        vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)
+        vehicle = await wire.wait_vehicle(wanted.timeout_s)
         _say(f"{vehicle}, {security(wire.signing, wire.vehicle_signs)}")
         names = [rule.names for rule in RULES[vehicle.autopilot.name]]
         values = await read_parameters(wire, clock, names, _say)
-        return judge(vehicle.autopilot.name, values, accepted)
+        return judge(vehicle.autopilot.name, values, wanted.accept_parameters)
     finally:
         await wire.close()
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from control.camera import CameraModel
 from control.checks import fresh
-from control.engagement import Action
+from control.engagement import MODE_AGE_S, Action
 from control.gate import TICK_S
 from control.types import VehicleMode
 from gcs import codec
@@ -49,7 +49,6 @@ from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _LEAVING_ZEROS: Final = 3
-_MODE_AGE_S: Final = 1.1
 _FPS_FRAMES: Final = 20
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
@@ -97,7 +96,7 @@ class Flight:
         self._looked: set[asyncio.Future[Seen]] = set()
         self._modes = ModeSwitch(link.modes, say)
         accepted = config.vehicle.accept_parameters
-        self.audit = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
+        self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
         self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
         self._settled_s = clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, say, clock.now_s())
@@ -114,7 +113,7 @@ class Flight:
                 tasks = [
                     group.create_task(self._control(), name="control"),
                     group.create_task(self.link.telemetry.run(), name="telemetry"),
-                    group.create_task(self.audit.run(), name="audit"),
+                    group.create_task(self.auditor.run(), name="audit"),
                     *(group.create_task(each) for each in beside),
                 ]
                 await self._stopping.wait()
@@ -154,7 +153,7 @@ class Flight:
 
     def step(self, now_s: float) -> Tick:
         """One tick: decide, send once, command the modes it asks for."""
-        self.control.audit_ok = self.audit.ok
+        self.control.audit_ok = self.auditor.ok
         wire, telemetry = self.link.wire, self.link.telemetry
         home = telemetry.home_frame.home
         if home is not None:
@@ -189,7 +188,7 @@ class Flight:
         holding = asyncio.create_task(self._modes.hold())
         while not holding.done():
             # Where the mode is not heard, it may long be holding or be a pilot's.
-            if fresh(self.link.telemetry.vehicle_state().mode_t_s, self.clock.now_s(), _MODE_AGE_S):
+            if fresh(self.link.telemetry.vehicle_state().mode_t_s, self.clock.now_s(), MODE_AGE_S):
                 self._send_zero()
             await asyncio.wait([holding], timeout=TICK_S)
 

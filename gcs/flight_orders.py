@@ -80,7 +80,7 @@ class Orders:
             case SetMode() | SetStandoff() | SetDistance():
                 return self._want(order)
             case Accept(name):
-                return flight.audit.accept(name)
+                return flight.auditor.accept(name)
             case Quit():
                 flight.stop()
                 return "leaving"
@@ -133,7 +133,7 @@ class Orders:
     def _why_not(self, tick: Tick) -> tuple[str, ...]:
         if tick.output.state in (State.FOLLOWING, State.COASTING):  # the vehicle was in external control before
             return ()
-        better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.audit.problem}
+        better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.auditor.problem}
         return tuple(better.get(cause) or cause.value for cause in tick.output.reasons)
 
     async def _hold(self) -> str:

@@ -4,8 +4,26 @@ from __future__ import annotations
 
 import pytest
 
+from gcs.clock import FakeClock
+from gcs.telemetry import Telemetry
 from gcs.wire import Wire
+from tests.gcs.recording_wire import RecordingWire
 from tests.gcs.wire_peer import Peer, free_port, heartbeat
+
+
+@pytest.fixture
+def clock():
+    return FakeClock(100.0)
+
+
+@pytest.fixture
+def wire(clock):
+    return RecordingWire(clock)
+
+
+@pytest.fixture
+def telemetry(wire, clock):
+    return Telemetry(wire, clock)
 
 
 @pytest.fixture

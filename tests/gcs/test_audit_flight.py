@@ -20,7 +20,7 @@ from tests.gcs.test_flight_integration import session
 
 async def audited(s) -> None:  # type: ignore[no-untyped-def]
     async with asyncio.timeout(5.0):
-        while s.flight.audit.audit is None:
+        while s.flight.auditor.audit is None:
             await asyncio.sleep(0.02)
 
 
@@ -51,7 +51,7 @@ async def test_factory_parameters_refuse_to_follow_until_each_is_accepted_by_nam
 async def test_a_configuration_accepts_by_name() -> None:
     async with session("px4", parameters={}, accepted=tuple(FACTORY_UNSAFE[Personality.PX4])) as s:
         await audited(s)
-        assert s.flight.audit.ok
+        assert s.flight.auditor.ok
         assert any(line.startswith("accepted: GF_MAX_HOR_DIST is 0") for line in s.said)
 
 
@@ -60,16 +60,16 @@ async def test_a_vehicle_that_was_away_is_audited_again(tmp_path: Path) -> None:
     async with session("px4") as s:
         s.flight.watchers = (recorder,)
         await audited(s)
-        assert s.flight.audit.ok
+        assert s.flight.auditor.ok
         s.mock.params["COM_OBL_RC_ACT"] = 0
         s.mock.faults.drop_downlink = 1.0
         await asyncio.sleep(3.3)
         s.mock.faults.drop_downlink = 0.0
         async with asyncio.timeout(8.0):
-            while not s.flight.audit.problem.startswith("unsafe vehicle parameters: COM_OBL_RC_ACT is 0"):
+            while not s.flight.auditor.problem.startswith("unsafe vehicle parameters: COM_OBL_RC_ACT is 0"):
                 await asyncio.sleep(0.02)
         assert s.flight.link.telemetry.reconnects >= 1
-        assert not s.flight.audit.ok
+        assert not s.flight.auditor.ok
         assert not (await s.flight.next_tick()).inputs.audit_ok
     assert recorder.close() == []
     audits = [record.data for record in read_messages(tmp_path / MESSAGES) if record.type == "Audit"]

@@ -8,26 +8,9 @@ import pytest
 
 from control.types import VehicleMode
 from gcs.autopilot.mode_control import ModeControl
-from gcs.clock import FakeClock
 from gcs.errors import VehicleError
-from gcs.telemetry import Telemetry
-from tests.gcs.recording_wire import RecordingWire, ack
+from tests.gcs.recording_wire import ack
 from tests.gcs.wire_peer import PX4_LOITER, PX4_OFFBOARD, PX4_POSCTL, heartbeat
-
-
-@pytest.fixture
-def clock():
-    return FakeClock(100.0)
-
-
-@pytest.fixture
-def wire(clock):
-    return RecordingWire(clock)
-
-
-@pytest.fixture
-def telemetry(wire, clock):
-    return Telemetry(wire, clock)
 
 
 async def test_an_old_sight_of_the_mode_does_not_confirm_a_new_command(wire, telemetry, clock):

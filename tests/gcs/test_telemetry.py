@@ -9,26 +9,10 @@ from pymavlink.dialects.v20 import development as mav
 
 from control.types import VehicleMode
 from gcs.autopilot.px4 import Px4
-from gcs.clock import FakeClock
 from gcs.errors import VehicleError
-from gcs.telemetry import LINK_LOST_S, Telemetry
-from tests.gcs.recording_wire import RecordingWire, ack
+from gcs.telemetry import LINK_LOST_S
+from tests.gcs.recording_wire import ack
 from tests.gcs.wire_peer import PX4_OFFBOARD, PX4_POSCTL, heartbeat
-
-
-@pytest.fixture
-def clock():
-    return FakeClock(100.0)
-
-
-@pytest.fixture
-def wire(clock):
-    return RecordingWire(clock)
-
-
-@pytest.fixture
-def telemetry(wire, clock):
-    return Telemetry(wire, clock)
 
 
 def attitude(boot_ms=1000, roll=0.1):

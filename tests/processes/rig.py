@@ -129,43 +129,33 @@ class Station:
         self.process.stdin.write(order.encode() + b"\n")
         return time.monotonic()
 
-    async def says(self, timeout_s: float = 30.0, *, since: int = 0, **wanted: Any) -> dict[str, Any]:
-        """The first line from number `since` on with these values."""
-        deadline_s = time.monotonic() + timeout_s
-        while True:
-            for line in self.lines[since:]:
-                if all(line.get(key) == value for key, value in wanted.items()):
-                    return line
-            left_s = deadline_s - time.monotonic()
-            if self._reading.done() or left_s <= 0 or any("refused" in line for line in self.lines[since:]):
-                raise AssertionError(f"never said {wanted}: {self.lines[-5:]}")
-            self._news.clear()
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._news.wait(), left_s)
+    async def hears(self, wanted: Callable[[dict[str, Any]], bool], since: int = 0) -> dict[str, Any]:
+        """The first line from number `since` on that is wanted, within 30 s."""
+        async with asyncio.timeout(30.0):
+            while True:
+                for line in self.lines[since:]:
+                    if wanted(line):
+                        return line
+                assert not self._reading.done(), f"ended: {self.lines[-5:]}"
+                self._news.clear()
+                await self._news.wait()
+
+    async def says(self, *, since: int = 0, **wanted: Any) -> dict[str, Any]:
+        """The first line with these values; a refused order fails."""
+        line = await self.hears(lambda line: "refused" in line or wanted.items() <= line.items(), since)
+        assert wanted.items() <= line.items(), f"never said {wanted}: {line}"
+        return line
 
     async def lets_go(self, since: int) -> str:
         """Wait until it says that it follows no more; released where the vehicle was still ours, else taken over."""
-        while True:
-            for line in self.lines[since:]:
-                if line.get("state") in ("released", "taken over"):
-                    return str(line["state"])
-            self._news.clear()
-            await asyncio.wait_for(self._news.wait(), 20.0)
+        line = await self.hears(lambda line: line.get("state") in ("released", "taken over"), since)
+        return str(line["state"])
 
-    async def answers(self, since: int) -> dict[str, Any]:
-        """The first order done or refused."""
-        while True:
-            for line in self.lines[since:]:
-                if "done" in line or "refused" in line:
-                    return line
-            self._news.clear()
-            await asyncio.wait_for(self._news.wait(), 20.0)
-
-    async def does(self, order: str, timeout_s: float = 30.0) -> dict[str, Any]:
+    async def does(self, order: str) -> dict[str, Any]:
         """Give an order and wait until it is done."""
         since = len(self.lines)
         self.tell(order)
-        return await self.says(timeout_s, since=since, done=order.split()[0])
+        return await self.says(since=since, done=order.split()[0])
 
     async def follows(self, wired: Wired, box_px: Sequence[float] = ()) -> None:
         """Select (box_px: x, y, w, h), confirm, and fly for a moment."""
@@ -181,7 +171,7 @@ class Station:
             wired.monitor.operator_confirms(time.monotonic())
             since = len(self.lines)
             self.tell("confirm")
-            answer = await self.answers(since)
+            answer = await self.hears(lambda line: "done" in line or "refused" in line, since)
             if "late" not in answer.get("refused", ""):  # this machine was busy a moment ago
                 break
             await asyncio.sleep(2.5)
