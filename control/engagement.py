@@ -54,6 +54,7 @@ class Output:
     velocity_factor: float = 0.0
     engaging: bool = False  # confirmed, waiting for the vehicle to take up external control
     warnings: tuple[Cause, ...] = ()  # to be told; they change nothing
+    settling: bool = False  # released, and hold not seen yet: nothing new can begin
 
 
 _REACTIONS: Final[Mapping[Severity, tuple[State, Action]]] = {
@@ -176,7 +177,7 @@ class Engagement:
         elif unheard or (mode is not VehicleMode.EXTERNAL and (mode is not VehicleMode.HOLD or age_s > _SETTLE_S)):
             self._holding = False
         action = Action.COMMAND_HOLD if self._holding and not old_news else Action.SILENCE
-        return Output(self._state, self._reasons, action)
+        return Output(self._state, self._reasons, action, settling=self._holding)
 
     def _ended(self, now_s: float, inputs: Inputs, active: tuple[Cause, ...]) -> Output:
         if inputs.abort and inputs.vehicle.mode is VehicleMode.EXTERNAL:

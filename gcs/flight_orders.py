@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final, assert_never
 
 from control.causes import Cause
-from control.engagement import Action, State
+from control.engagement import State
 from control.types import VehicleMode
 from gcs.errors import GcsError, SelectionError
 from gcs.flight import Flight
@@ -109,7 +109,7 @@ class Orders:
 
     async def _settle(self) -> None:
         """Wait until a hold that was commanded is seen or given up: before that nothing new can begin."""
-        while self._flight.tick is not None and self._flight.tick.output.action is Action.COMMAND_HOLD:
+        while self._flight.tick is not None and self._flight.tick.output.settling:
             await self._flight.next_tick()
 
     async def _confirm(self) -> str:

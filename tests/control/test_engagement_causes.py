@@ -50,9 +50,13 @@ def test_after_a_gap_of_our_own_hold_is_commanded_once_the_mode_is_heard_anew():
     while story.now + TICK < gap_end_s + 0.1:  # what had waited in the socket looks new and is old
         assert story.tick().action is Action.SILENCE
     assert {story.tick(mode_t_s=gap_end_s + 0.09).action for _ in range(6)} == {Action.SILENCE}
+    assert story.out.settling  # a selection made now would be lost: orders wait
     assert story.tick(mode_t_s=gap_end_s + 0.11).action is Action.COMMAND_HOLD
     assert story.tick().action is Action.COMMAND_HOLD
+    assert story.out.settling
     assert story.ticks(12, mode=VehicleMode.HOLD)[-1].action is Action.SILENCE
+    assert not story.out.settling
+    assert story.tick(VehicleMode.HOLD, select=True).state is State.SELECTED
 
 
 def test_after_a_gap_of_our_own_a_vehicle_that_helped_itself_is_left_alone():
