@@ -11,11 +11,9 @@ from enum import Enum
 from typing import assert_never
 
 from control.attitude import AttitudeBuffer
-from control.camera import CameraModel, bearing_measurement
-from control.camera_check import CameraCheck, Verdict
+from control.camera import CameraModel
 from control.config import ControlConfig
 from control.engagement import Action, Engagement, Inputs, Output, State
-from control.estimator import TargetEstimator
 from control.follow import FollowState, follow_request
 from control.gate import TICK_S, Setpoint, gate
 from control.gate_limits import outside
@@ -25,6 +23,7 @@ from control.preflight import refusals
 from control.ranging import Ranging
 from control.setpoint_echo import EchoMonitor
 from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
+from gcs.flight_sight import Sight
 from gcs.flight_vision import Seen
 from gcs.link_health import LinkHealth
 
@@ -67,11 +66,8 @@ class FollowControl:
         self._config = config
         self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
         self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
-        self._camera = camera
-        self._attitude = attitude
-        self._estimator = TargetEstimator(config.estimator)
+        self.sight = Sight(config.estimator, camera, attitude)
         self._engagement = Engagement(config.engagement)
-        self._camera_check = CameraCheck()
         self._echo = EchoMonitor()
         self._last_tick_s: float | None = None
         self._acts: set[Act] = set()
@@ -109,8 +105,7 @@ class FollowControl:
     def select(self, number: int) -> None:
         """The operator has drawn box `number` (0: none): what was known of a target is forgotten."""
         self._selection = number
-        self._estimator.reset()
-        self._camera_check.reset()
+        self.sight.reset()
         self._inputs = replace(
             self._inputs,
             selected=number > 0,
@@ -128,43 +123,33 @@ class FollowControl:
             return None
         if not seen.frozen:
             self._inputs = replace(self._inputs, frame_t_s=seen.frame.t_arrival_s)
-        result = seen.result
-        if result is None or not result.visible or seen.selection != self._selection:
+        if seen.selection != self._selection:
             return None
-        attitude = self._attitude.at(seen.frame.t_capture_s)
-        if attitude is None:
+        sighted = self.sight.saw(seen)
+        if sighted is None:
             return None
-        box, t_capture_s = result.box, seen.frame.t_capture_s
-        try:
-            measurement = bearing_measurement(
-                self._camera, box.cx_px, box.cy_px, box.w_px, box.h_px, attitude, t_capture_s, result.confidence
-            )
-        except ValueError:  # a box no ray can be made of
-            return None
-        accepted = self._estimator.update(measurement)
-        if accepted:
-            self._camera_check.saw(measurement, attitude[2])
+        measurement, accepted = sighted
         self._inputs = replace(
             self._inputs,
             measured_t_s=now_s if accepted else self._inputs.measured_t_s,
-            rejections_in_a_row=self._estimator.rejections_in_a_row,
-            confidence=result.confidence,
-            latency_s=now_s - t_capture_s + TICK_S,
-            camera_wrong=self._camera_check.verdict is Verdict.WRONG,
+            rejections_in_a_row=self.sight.estimator.rejections_in_a_row,
+            confidence=measurement.confidence,
+            latency_s=now_s - measurement.t_capture_s + TICK_S,
+            camera_wrong=self.sight.camera_is_wrong,
         )
         return measurement
 
     def tick(self, now_s: float, vehicle: VehicleState, link: LinkHealth | None = None) -> Tick:
         """Decide what leaves now. `setpoint` must be sent at once, or never. link: None where nothing is known."""
         self._watch(now_s, vehicle, link or LinkHealth())
-        target = self._estimator.predict(now_s + self._config.follow.lead_s)
+        target = self.sight.estimator.predict(now_s + self._config.follow.lead_s)
         candidate = self._candidate(target, vehicle, now_s)
         acts, self._acts = self._acts, set()
         inputs = replace(
             self._inputs,
             vehicle=vehicle,
             distance_known=candidate is not None or target is None,
-            attitude_rate_hz=self._attitude.rate_hz(now_s),
+            attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
             outside_fence=self._is_outside(vehicle),
             audit_ok=self.audit_ok,
             select=Act.SELECT in acts,
@@ -232,7 +217,7 @@ class FollowControl:
             self.confirmation,
             target,
             vehicle,
-            self._camera,
+            self.sight.camera,
             now_s,
             self._follow,
             self._config,
@@ -250,13 +235,13 @@ class FollowControl:
 
     def refusals(self, now_s: float, vehicle: VehicleState) -> tuple[str, ...]:
         """Everything that would keep a confirmation from being accepted now."""
-        target = self._estimator.predict(now_s)
+        target = self.sight.estimator.predict(now_s)
         known = self._candidate(target, vehicle, now_s) is not None
         inputs = replace(
             self._inputs,
             vehicle=vehicle,
             distance_known=known or target is None,
-            attitude_rate_hz=self._attitude.rate_hz(now_s),
+            attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
             outside_fence=self._is_outside(vehicle),
             audit_ok=self.audit_ok,
         )
@@ -267,7 +252,7 @@ class FollowControl:
 
     def predict(self, t_s: float) -> TargetState | None:
         """The target at t_s, for display."""
-        return self._estimator.predict(t_s)
+        return self.sight.estimator.predict(t_s)
 
     def _candidate(self, target: TargetState | None, vehicle: VehicleState, now_s: float) -> Confirmation | None:
         """What would be remembered if the operator confirmed now."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from gcs.lockstep.world import DELAY_S, UNIX_S, VEHICLE_PEER, Setup, World
 from sitl_mocks.link_faults import Conditions, OneWay
 from sitl_mocks.vehicle import MockVehicle, Mode, Personality
 from sitl_mocks.vehicle.signing import timestamp_of
@@ -20,7 +21,6 @@ from sitl_mocks.vehicle.streams import (
 )
 from tests.faults.break_vehicle import once_external
 from tests.faults.script import Happened
-from tests.faults.world import DELAY_S, UNIX_S, VEHICLE_PEER, Setup, World
 
 _HEARTBEAT_S = 3.1
 _STRANGER = ("stranger", 14555)

@@ -8,9 +8,9 @@ from pathlib import Path
 from unittest import mock
 
 from control.types import VelocityRequest
+from gcs.lockstep.world import World
 from gcs.messages import MessageLog
 from tests.faults.script import Happened
-from tests.faults.world import World
 
 
 def requests_stale(world: World) -> Happened:

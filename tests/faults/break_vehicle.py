@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from control.fence import Fence
+from gcs.lockstep.world import Setup, World
 from sitl_mocks.vehicle import Mode, Result
 from sitl_mocks.vehicle.streams import ATTITUDE, GLOBAL_POSITION_INT, LOCAL_POSITION_NED
 from tests.faults.script import Happened, with_config
-from tests.faults.world import Setup, World
 
 _SET_MODE = 176
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from tests.faults.eyes import HEIGHT_PX, WIDTH_PX
+from gcs.lockstep.eyes import HEIGHT_PX, WIDTH_PX
+from gcs.lockstep.world import World
 from tests.faults.script import Happened
-from tests.faults.world import World
 from tracker.box import Box
 
 _TELLING_RAD = 0.15

@@ -6,11 +6,11 @@ import asyncio
 from dataclasses import dataclass, field
 
 from control.gate import Reason
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import Setup, World
 from sitl_mocks.vehicle import Personality
-from tests.faults import lockstep
-from tests.faults.lockstep import LockstepLoop
 from tests.faults.script import Flown, engage
-from tests.faults.world import Setup, World
 
 _FIRST_S = 1.0  # the gate's word counts once the follow runs
 _TRIMMED = (Reason.SPEED, Reason.ALTITUDE, Reason.FENCE, Reason.SLEW, Reason.LIMIT_JUMPED)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from gcs.lockstep.world import Setup, World
 from tests.faults.script import Expect, Fault, Happened, Outcome, Phase, fly
-from tests.faults.world import Setup, World
 
 _ENDS = (Expect.RELEASED, Expect.TAKEN_OVER, Expect.ENDED, Expect.GONE, Expect.CRASHED)
 

@@ -13,13 +13,13 @@ from typing import Final
 from control.engagement import State
 from gcs.errors import GcsError
 from gcs.flight_orders import Orders
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.eyes import box_of
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import Setup, World
 from gcs.operator.orders import Confirm, Select
 from sitl_mocks.monitor import Rule
 from sitl_mocks.vehicle import Personality
-from tests.faults import lockstep
-from tests.faults.eyes import box_of
-from tests.faults.lockstep import LockstepLoop
-from tests.faults.world import Setup, World
 from tracker.box import Box
 
 _READY_S: Final = 1.0  # streams flow, attitude is known

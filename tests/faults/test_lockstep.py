@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from tests.faults import break_video, lockstep
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import World
+from tests.faults import break_video
 from tests.faults.hazards import FAULTS
-from tests.faults.lockstep import LockstepLoop
 from tests.faults.script import Expect, Fault, Phase, fly
-from tests.faults.world import World
 
 
 def _nothing(world: World) -> object:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from gcs.lockstep.world import DELAY_S, World
 from sitl_mocks.link_faults import Conditions
 from sitl_mocks.vehicle import Mode
 from tests.faults import break_link, break_vehicle
 from tests.faults.script import Expect, Fault, Happened, Phase, fly
-from tests.faults.world import DELAY_S, World
 
 _TAKEOVERS = 10  # of each autopilot; `python -m tests.faults --only H15 --pairs no --seeds 200` does a thousand
 

@@ -17,6 +17,10 @@ from control.engagement import State
 from gcs.errors import GcsError
 from gcs.flight_orders import Orders
 from gcs.keys import SigningKey
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.eyes import box_of
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import VEHICLE_PEER, Setup, StationEnd, World
 from gcs.operator.orders import Acknowledge, Confirm, Select
 from gcs.signing import Signing
 from gcs.signing_time import SigningTime
@@ -24,10 +28,6 @@ from gcs.telemetry import Telemetry
 from gcs.transport import Endpoint, Kind, Received
 from gcs.wire import Wire
 from sitl_mocks.vehicle import Personality
-from tests.faults import lockstep
-from tests.faults.eyes import box_of
-from tests.faults.lockstep import LockstepLoop
-from tests.faults.world import VEHICLE_PEER, Setup, StationEnd, World
 from tests.fuzz.packets import Mutator
 from tests.fuzz.process import Usage
 from tests.fuzz.report import Progress, Row

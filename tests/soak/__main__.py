@@ -26,11 +26,11 @@ from tqdm import tqdm
 from control.engagement import State
 from gcs.errors import GcsError
 from gcs.flight_orders import Orders
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.eyes import box_of
+from gcs.lockstep.world import Setup, World
 from gcs.operator.orders import Acknowledge, Confirm, Select
 from sitl_mocks.vehicle import Mode, Personality
-from tests.faults import lockstep
-from tests.faults.eyes import box_of
-from tests.faults.world import Setup, World
 from tests.processes.rig import station, vehicle
 from tests.soak.samples import Sample, growth, sample, slope_mb_per_h
 from tracker.box import Box

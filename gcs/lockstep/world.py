@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import random
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from control.engagement import State
 from gcs.autopilot.actions import VehicleActions
@@ -16,6 +17,9 @@ from gcs.autopilot.mode_control import ModeControl
 from gcs.config import CameraConfig, Config
 from gcs.flight import Flight, Link
 from gcs.keys import SigningKey
+from gcs.lockstep.exit import Exit
+from gcs.lockstep.eyes import HFOV_RAD, MOUNT_PITCH_RAD, Eyes, LockstepVision, ModelTracker, NoSource
+from gcs.lockstep.loop import LockstepLoop
 from gcs.signing import Signing
 from gcs.signing_time import SigningTime
 from gcs.telemetry import Telemetry
@@ -26,9 +30,6 @@ from sitl_mocks.monitor import MonitorLimits, Vec3, WireMonitor
 from sitl_mocks.vehicle import MockVehicle, Personality
 from sitl_mocks.vehicle.params import PREPARED
 from sitl_mocks.vehicle.streams import HEARTBEAT
-from tests.faults.exit import Exit
-from tests.faults.eyes import HFOV_RAD, MOUNT_PITCH_RAD, Eyes, LockstepVision, ModelTracker, NoSource
-from tests.faults.lockstep import LockstepLoop
 
 STEP_S = 0.01
 DELAY_S = 0.01  # each way
@@ -36,19 +37,6 @@ VEHICLE_PEER: Peer = ("vehicle", 14580)
 _RECENT_S = 0.25
 _KEY, UNIX_S = bytes(range(1, 33)), 1.79e9
 _ENDED = (State.RELEASED, State.TAKEN_OVER)
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """What a flight begins with."""
-
-    seed: int
-    personality: Personality
-    config: Config = field(default_factory=lambda: Config(camera=CAMERA))
-    height_m: float | None = 9.0  # None: on the ground, disarmed
-    limits: MonitorLimits = field(default_factory=lambda: LIMITS)
-    parameters: dict[str, float] = field(default_factory=dict)  # on top of the prepared ones
-    signed: bool = False  # MAVLink 2 signing, both ways
 
 
 CAMERA = CameraConfig(hfov_deg=math.degrees(HFOV_RAD), mount_rpy_deg=(0.0, math.degrees(MOUNT_PITCH_RAD), 0.0))
@@ -62,6 +50,19 @@ LIMITS = MonitorLimits(
     height_max_m=60.0,
     confirmation_lasts_s=3.0,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a flight begins with."""
+
+    seed: int
+    personality: Personality
+    config: Config = field(default_factory=lambda: Config(camera=CAMERA))
+    height_m: float | None = 9.0  # None: on the ground, disarmed
+    limits: MonitorLimits = field(default_factory=lambda: LIMITS)
+    parameters: dict[str, float] = field(default_factory=dict)  # on top of the prepared ones
+    signed: bool = False  # MAVLink 2 signing, both ways
 
 
 @dataclass(slots=True)
@@ -255,10 +256,15 @@ class World:
         self.hand_over(self.loop.time())
 
 
-async def _sleep_until(loop: LockstepLoop, due_s: float) -> Any:
-    future = loop.create_future()
-    handle = loop.call_at(due_s, lambda: future.done() or future.set_result(None))
+async def _sleep_until(loop: LockstepLoop, due_s: float) -> None:
+    future: asyncio.Future[None] = loop.create_future()
+    handle = loop.call_at(due_s, _wake, future)
     try:
         await future
     finally:
         handle.cancel()
+
+
+def _wake(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gcs.flight_vision import Seen, Vision
+from gcs.lockstep.loop import LockstepLoop
 from gcs.video import Frame
 from gcs.video.frame import Image
 from sitl_mocks.monitor import Vec3
 from sitl_mocks.vehicle import Pose
-from tests.faults.lockstep import LockstepLoop
 from tracker.box import Box, TrackResult
 
 WIDTH_PX, HEIGHT_PX = 640, 480
