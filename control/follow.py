@@ -10,16 +10,15 @@ import math
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from control.attitude import wrap_pi
 from control.camera import CameraModel
 from control.config import ControlConfig, FollowConfig
 from control.limits import ShapeState, Wish, shape
 from control.modes import Confirmation, FollowMode, sure_ground_m
-from control.motion import Belief, TargetMotion, believe, fade, target_motion
+from control.motion import Belief, TargetMotion, believe, target_motion
 from control.types import TargetState, Vec3, VehicleState, VelocityRequest
+from control.yaw import yaw_rate_rps
 
 _GRAVITY_MPS2 = 9.81
-_MAX_YAW_LEAD_S = 0.3
 _MAX_TILT_RAD = math.radians(80)
 
 
@@ -94,22 +93,6 @@ def follow_wish(
             )
         case _:  # pragma: no cover - the type checker proves it
             assert_never(confirmation.mode)
-
-
-def yaw_rate_rps(target: TargetState, vehicle: VehicleState, camera: CameraModel, config: FollowConfig) -> float:
-    """Turn the camera's axis onto the predicted azimuth: P with the bearing rate fed forward, bounded.
-
-    The bearing rate fades as the filter knows less of it. yaw_lag_s answers the lag of the vehicle's own
-    rate loop: the wanted rate, carried on by the rate at which it is changing.
-    """
-    lead_s = 0.0
-    if vehicle.attitude_t_s is not None:
-        lead_s = min(max(target.t_s - vehicle.attitude_t_s, 0.0), _MAX_YAW_LEAD_S)
-    heading_rad = vehicle.yaw_rad + vehicle.yaw_rate_rps * lead_s + camera.mount_rpy_rad[2]
-    forward_rps = target.azimuth_rate_rps * fade(target.azimuth_rate_std_rps, config.feed_forward_std_rps)
-    rate = config.yaw_gain_ps * wrap_pi(target.azimuth_rad - heading_rad) + forward_rps
-    rate += config.yaw_lag_s * config.yaw_gain_ps * (forward_rps - vehicle.yaw_rate_rps)
-    return min(max(rate, -config.max_yaw_rate_rps), config.max_yaw_rate_rps)
 
 
 def spotlight(
