@@ -127,6 +127,26 @@ class EngagementConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class GimbalConfig:
+    """Gains and limits of a camera on a gimbal: it turns to the target, the vehicle's nose slowly follows it."""
+
+    gain_ps: float = ranged(0.2, 4.0, 10.0)
+    lag_s: float = ranged(0.0, 0.1, 1.0)  # of the gimbal's own rate loop, answered ahead of time
+    feed_forward_std_rps: float = ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
+    max_rate_rps: float = ranged(0.05, math.radians(90), math.radians(180))
+    max_acceleration_rps2: float = ranged(0.5, math.radians(400), math.radians(2000))
+    stop_margin_rad: float = ranged(0.0, math.radians(3), math.radians(30))  # kept free before a mechanical stop
+    stop_gain_ps: float = ranged(0.2, 3.0, 10.0)  # the rate towards a stop, by the angle left
+    hand_over_gain_ps: float = ranged(0.05, 0.5, 2.0)  # the nose, by the gimbal's angle from the middle
+    dead_band_rad: float = ranged(0.0, math.radians(5), math.radians(45))
+    max_hand_over_rps: float = ranged(0.05, math.radians(45), math.radians(90))
+    pace_from_frac: float = ranged(0.05, 0.5, 0.95)  # of the way to a stop, where the nose takes up the bearing rate
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, slots=True)
 class ControlConfig:
     """All of it; what a section leaves out keeps its default. ValueError where sections contradict."""
 
@@ -134,6 +154,7 @@ class ControlConfig:
     follow: FollowConfig = field(default_factory=FollowConfig)
     shaping: ShapingConfig = field(default_factory=ShapingConfig)
     engagement: EngagementConfig = field(default_factory=EngagementConfig)
+    gimbal: GimbalConfig = field(default_factory=GimbalConfig)
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
@@ -146,6 +167,7 @@ class ControlConfig:
             ),
             ("follow.max_speed_mps", self.follow.max_speed_mps, self.limits.max_speed_mps),
             ("follow.max_yaw_rate_rps", self.follow.max_yaw_rate_rps, self.limits.max_yaw_rate_rps),
+            ("gimbal.max_hand_over_rps", self.gimbal.max_hand_over_rps, self.limits.max_yaw_rate_rps),
         )
         for name, value, ceiling in pairs:
             if value > ceiling:

@@ -109,6 +109,17 @@ class CameraConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class GimbalConfig:
+    """The camera is on a gimbal that speaks the Gimbal v2 protocol; its angles replace camera.mount_rpy_deg.
+
+    device_id: which one (154 and up, or 1 to 6 on the autopilot itself), null takes the first that answers.
+    """
+
+    enabled: bool = False
+    device_id: int | None = _whole(1, None, 255)
+
+
+@dataclass(frozen=True, slots=True)
 class TrackerConfig:
     """Which weights, and how the latent frame is made; null leaves a choice to the weights file.
 
@@ -184,6 +195,7 @@ class Config:
 
     video: VideoConfig = field(default_factory=VideoConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
+    gimbal: GimbalConfig = field(default_factory=GimbalConfig)
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
     follow: FollowConfig = field(default_factory=FollowConfig)
     vehicle: VehicleConfig = field(default_factory=VehicleConfig)
