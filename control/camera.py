@@ -92,7 +92,8 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Arra
     )
 
 
-def _ned_from_camera(camera: CameraModel, attitude: Angles) -> Array:
+def ned_from_camera(camera: CameraModel, attitude: Angles) -> Array:
+    """(3, 3) rotation from the camera into NED, at this attitude (roll, pitch, yaw) of the vehicle."""
     mount = rotation_from_rpy(*camera.mount_rpy_rad)
     rotation: Array = rotation_from_rpy(*attitude) @ mount @ _FRD_FROM_CAMERA
     return rotation
@@ -139,7 +140,7 @@ def line_of_sight_ned(
     camera: CameraModel, u_px: float, v_px: float, roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> Array:
     """(3,) unit vector in NED from the camera through the pixel, at this attitude of the vehicle."""
-    sight: Array = _ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad)) @ ray_camera(camera, u_px, v_px)
+    sight: Array = ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad)) @ ray_camera(camera, u_px, v_px)
     return sight
 
 
@@ -147,7 +148,7 @@ def project(
     camera: CameraModel, direction_ned: Array, roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> tuple[float, float] | None:
     """Pixel (u, v) of a direction (3,) in NED, maybe outside the picture; None if behind the camera."""
-    rotation = _ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad))
+    rotation = ned_from_camera(camera, (roll_rad, pitch_rad, yaw_rad))
     x, y, z = (float(v) for v in rotation.T @ np.asarray(direction_ned, float))
     if z <= 1e-6 * math.hypot(x, y, z) or not math.isfinite(z):
         return None
@@ -183,7 +184,7 @@ def bearing_measurement(
     if not (fits and all(map(math.isfinite, numbers))):
         raise ValueError(f"box ({cx_px}, {cy_px}, {w_px}, {h_px}) px at {t_capture_s} s is not a usable box")
     ray = ray_camera(camera, cx_px, cy_px)
-    north, east, down = _ned_from_camera(camera, attitude) @ ray
+    north, east, down = ned_from_camera(camera, attitude) @ ray
     # A thing off the axis looks larger by 1 / cos(angle), because its depth is less than its range.
     log_size = math.log(math.sqrt(w_px * h_px) * float(ray[2]) / camera.focal_px)
     elevation_rad = -math.asin(min(max(float(down), -1.0), 1.0))
@@ -199,7 +200,7 @@ def box_of(
     centre = project(camera, direction, *attitude)
     if centre is None or not aspect > 0:
         return None
-    cos_off_axis = float((_ned_from_camera(camera, attitude).T @ direction)[2])
+    cos_off_axis = float((ned_from_camera(camera, attitude).T @ direction)[2])
     log_size = min(max(target.log_size, _MIN_LOG_SIZE), _MAX_LOG_SIZE)
     size_px = math.exp(log_size) * camera.focal_px / max(cos_off_axis, 1e-3)
     return (*centre, size_px * math.sqrt(aspect), size_px / math.sqrt(aspect))
