@@ -212,7 +212,7 @@ class Flight:
         self.seen = seen
         self._frame_times_s.append(seen.t_done_s)
         if self.watchers:
-            predicted = self._predicted(seen.frame.t_capture_s, seen.result.box) if seen.result is not None else None
+            predicted = self.predicted_at(seen.frame.t_capture_s, seen.result.box) if seen.result is not None else None
             sighting = Sighting(seen, self.status(), measurement, predicted)
             for watcher in self.watchers:
                 watcher.saw(sighting)
@@ -221,7 +221,8 @@ class Flight:
             if not future.done():
                 future.set_result(seen)
 
-    def _predicted(self, t_capture_s: float, like: Box) -> Box | None:
+    def predicted_at(self, t_capture_s: float, like: Box) -> Box | None:
+        """Where the target should be in a frame captured then, shaped like this box; None where that is unknown."""
         target = self.control.predict(t_capture_s)
         return predicted_box(self.camera, self.link.telemetry.attitude, target, t_capture_s, like)
 
@@ -229,7 +230,7 @@ class Flight:
         """On the vision thread: where a hidden target should be in a frame; None if the loop is not quick."""
 
         async def ask() -> Box | None:
-            return self._predicted(t_capture_s, like)
+            return self.predicted_at(t_capture_s, like)
 
         if self._loop is None or self._loop.is_closed():
             return None

@@ -14,44 +14,53 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs.flight_vision import Seen, Vision
+from gcs.flight import Flight
+from gcs.flight_vision import Vision
 from gcs.lockstep.loop import LockstepLoop
+from gcs.tracking import BoxTracker
 from gcs.video import Frame
 from gcs.video.frame import Image
+from sitl_mocks.lens import Lens
 from sitl_mocks.monitor import Vec3
 from sitl_mocks.vehicle import Pose
 from tracker.box import Box, TrackResult
 
-WIDTH_PX, HEIGHT_PX = 640, 480
-HFOV_RAD, MOUNT_PITCH_RAD = math.radians(70), math.radians(-28)
-FOCAL_PX = WIDTH_PX / 2 / math.tan(HFOV_RAD / 2)
-TARGET_M = 1.6  # side of the cube that is followed
+LENS = Lens()
+WIDTH_PX, HEIGHT_PX = LENS.width_px, LENS.height_px
+TARGET_M = (1.6, 1.6)  # width and height of what is followed
 
 
-def box_of(target_ned_m: Vec3, pose: Pose) -> Box | None:
+def box_of(target_ned_m: Vec3, pose: Pose, lens: Lens = LENS, size_m: tuple[float, float] = TARGET_M) -> Box | None:
     """The target's box, None where its middle is outside the picture."""
     north, east, down = (t - p for t, p in zip(target_ned_m, pose.position_ned_m, strict=True))
-    distance_m = math.sqrt(north * north + east * east + down * down)
     c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     forward, right = north * c + east * s, east * c - north * s
     c, s = math.cos(pose.pitch_rad), math.sin(pose.pitch_rad)
     forward, down = forward * c - down * s, forward * s + down * c
     c, s = math.cos(pose.roll_rad), math.sin(pose.roll_rad)
     right, down = right * c + down * s, down * c - right * s
-    c, s = math.cos(MOUNT_PITCH_RAD), math.sin(MOUNT_PITCH_RAD)
+    c, s = math.cos(lens.mount_pitch_rad), math.sin(lens.mount_pitch_rad)
     forward, down = forward * c - down * s, forward * s + down * c
     if forward < 0.3:
         return None
-    u, v = WIDTH_PX / 2 + FOCAL_PX * right / forward, HEIGHT_PX / 2 + FOCAL_PX * down / forward
-    side_px = TARGET_M / distance_m * FOCAL_PX * distance_m / forward
-    return Box(u, v, side_px, side_px) if 0 < u < WIDTH_PX and 0 < v < HEIGHT_PX else None
+    px_per_m = lens.focal_px / forward
+    u, v = lens.width_px / 2 + px_per_m * right, lens.height_px / 2 + px_per_m * down
+    if not (0 < u < lens.width_px and 0 < v < lens.height_px):
+        return None
+    return Box(u, v, size_m[0] * px_per_m, size_m[1] * px_per_m)
 
 
 @dataclass(slots=True)
 class Eyes:
-    """What the camera and the tracker do; a fault changes the fields."""
+    """What the camera and the tracker do; anybody may change the fields at any time.
+
+    tracker: the one to be used instead of the model.
+    """
 
     random: random.Random
+    lens: Lens = LENS
+    size_m: tuple[float, float] = TARGET_M
+    tracker: BoxTracker | None = None
     fps: float = 20.0
     glass_s: float = 0.06  # light to picture
     track_s: float = 0.02  # picture to box
@@ -75,7 +84,7 @@ class Eyes:
         if self.still and self._last is not None:
             return self._last[1]
         self.pictures += 1
-        self._boxes[self.pictures] = box_of(target_ned_m, pose)
+        self._boxes[self.pictures] = box_of(target_ned_m, pose, self.lens, self.size_m)
         self._boxes.pop(self.pictures - 200, None)
         image = np.array([[[self.pictures >> shift & 0xFF for shift in (0, 8, 16)]]], np.uint8)
         self._last = (self.pictures, image)
@@ -117,7 +126,9 @@ class NoSource:
     """A video source that only has a size: pictures are handed to `LockstepVision` by the world."""
 
     name, is_live, fps, frame_count, ended, problem = "lockstep", True, 20.0, None, False, None
-    size = (WIDTH_PX, HEIGHT_PX)
+
+    def __init__(self, lens: Lens = LENS) -> None:
+        self.size = (lens.width_px, lens.height_px)
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
         """Never asked."""
@@ -128,12 +139,14 @@ class NoSource:
 
 
 class LockstepVision(Vision):
-    """The real one without its thread."""
+    """The real one without its thread. glass_delay_s: what the station takes the camera's delay for."""
 
-    def __init__(self, eyes: Eyes, loop: LockstepLoop, deliver: Callable[[Seen], None]) -> None:
-        super().__init__(NoSource(), ModelTracker(eyes, loop), loop, deliver)
+    def __init__(
+        self, eyes: Eyes, tracker: BoxTracker, loop: LockstepLoop, flight: Flight, *, glass_delay_s: float
+    ) -> None:
+        super().__init__(NoSource(eyes.lens), tracker, loop, flight.saw, flight.predicted_at)
         self.eyes = eyes
-        self._loop = loop
+        self._glass_delay_s = glass_delay_s
         self._waiting: deque[tuple[float, Frame]] = deque()
         self._due_s = loop.time()
 
@@ -153,7 +166,7 @@ class LockstepVision(Vision):
             image = eyes.capture(target_ned_m, pose)
             arrival_s = now_s + eyes.glass_s
             done_s = arrival_s + eyes.buffered_s + eyes.track_s
-            self._waiting.append((done_s, Frame(eyes.pictures, image, now_s, arrival_s)))
+            self._waiting.append((done_s, Frame(eyes.pictures, image, arrival_s - self._glass_delay_s, arrival_s)))
 
     def hand_over(self, now_s: float) -> None:
         """Give the program the newest picture that is through; a lost video takes along what was under way."""

@@ -18,28 +18,36 @@ from gcs.config import CameraConfig, Config
 from gcs.flight import Flight, Link
 from gcs.keys import SigningKey
 from gcs.lockstep.exit import Exit
-from gcs.lockstep.eyes import HFOV_RAD, MOUNT_PITCH_RAD, Eyes, LockstepVision, ModelTracker, NoSource
+from gcs.lockstep.eyes import Eyes, LockstepVision, ModelTracker, NoSource
 from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.target import STEP_S, Target, Walker
 from gcs.signing import Signing
 from gcs.signing_time import SigningTime
 from gcs.telemetry import Telemetry
 from gcs.transport import Peer, Received
 from gcs.wire import Wire
+from sitl_mocks.dynamics import TICK_S, Airframe, Disturbance
+from sitl_mocks.lens import Lens
 from sitl_mocks.link_faults import Conditions, OneWay
-from sitl_mocks.monitor import MonitorLimits, Vec3, WireMonitor
+from sitl_mocks.monitor import MonitorLimits, WireMonitor
 from sitl_mocks.vehicle import MockVehicle, Personality
 from sitl_mocks.vehicle.params import PREPARED
-from sitl_mocks.vehicle.streams import HEARTBEAT
+from sitl_mocks.vehicle.streams import ATTITUDE, HEARTBEAT
 
-STEP_S = 0.01
 DELAY_S = 0.01  # each way
+GLASS_S = 0.06
 VEHICLE_PEER: Peer = ("vehicle", 14580)
-_RECENT_S = 0.25
 _KEY, UNIX_S = bytes(range(1, 33)), 1.79e9
 _ENDED = (State.RELEASED, State.TAKEN_OVER)
 
 
-CAMERA = CameraConfig(hfov_deg=math.degrees(HFOV_RAD), mount_rpy_deg=(0.0, math.degrees(MOUNT_PITCH_RAD), 0.0))
+def camera_of(lens: Lens, glass_delay_s: float = GLASS_S) -> CameraConfig:
+    """What a station should know of this lens."""
+    mount_rpy_deg = (0.0, math.degrees(lens.mount_pitch_rad), 0.0)
+    return CameraConfig(hfov_deg=math.degrees(lens.hfov_rad), mount_rpy_deg=mount_rpy_deg, glass_delay_s=glass_delay_s)
+
+
+CAMERA = camera_of(Lens())
 # The vehicle takes datagrams in steps of 10 ms, which makes a step of velocity look that much quicker than it is; the
 # gate's own limit of 4 m/s² is judged at the exit.
 LIMITS = MonitorLimits(
@@ -54,32 +62,26 @@ LIMITS = MonitorLimits(
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a flight begins with."""
+    """What a flight begins with.
+
+    config: what the station believes, its camera too; lens: the camera as it is. link: both ways. attitude_rate_hz:
+    more than so many ATTITUDE a second the vehicle does not send, whatever it is asked.
+    """
 
     seed: int
-    personality: Personality
+    personality: Personality = Personality.PX4
     config: Config = field(default_factory=lambda: Config(camera=CAMERA))
     height_m: float | None = 9.0  # None: on the ground, disarmed
     limits: MonitorLimits = field(default_factory=lambda: LIMITS)
     parameters: dict[str, float] = field(default_factory=dict)  # on top of the prepared ones
     signed: bool = False  # MAVLink 2 signing, both ways
-
-
-@dataclass(slots=True)
-class Target:
-    """Walks on level ground with a weave; a fault may change how."""
-
-    position_ned_m: Vec3
-    speed_mps: float = 0.0
     heading_rad: float = 0.0
-    weave_rad: float = 0.35
-
-    def step(self, now_s: float) -> None:
-        """Advance by STEP_S."""
-        heading = self.heading_rad + self.weave_rad * math.sin(0.9 * now_s)
-        north, east, down = self.position_ned_m
-        length_m = self.speed_mps * STEP_S
-        self.position_ned_m = (north + length_m * math.cos(heading), east + length_m * math.sin(heading), down)
+    lens: Lens = field(default_factory=Lens)
+    link: Conditions = field(default_factory=lambda: Conditions(delay_s=DELAY_S))
+    airframe: Airframe | None = None  # None: the personality's own
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    attitude_rate_hz: float | None = None
+    tick_s: float = TICK_S  # of the vehicle's dynamics
 
 
 class StationEnd:
@@ -103,47 +105,38 @@ class StationEnd:
 
 
 class World:
-    """Call `step` every STEP_S; faults change its parts."""
+    """Call `step` every STEP_S, or `run` as a task; its parts may be changed at any time.
 
-    def __init__(self, loop: LockstepLoop, setup: Setup) -> None:
+    target: None is a `Walker` some 15 m ahead that stands still. eyes: the camera and what it sees; None: a camera
+    with the setup's lens that sees the target and nothing else.
+    """
+
+    def __init__(
+        self, loop: LockstepLoop, setup: Setup, target: Target | None = None, eyes: Eyes | None = None
+    ) -> None:
         self.loop = loop
         self.setup = setup
         self.random = random.Random(setup.seed * 7919 + 17)
-        self.vehicle = MockVehicle(
-            setup.personality,
-            airborne_m=setup.height_m,
-            parameters={**PREPARED[setup.personality], **setup.parameters},
-            rates_hz={HEARTBEAT: 1.0},
-            seed=setup.seed,
-            signing_key=_KEY if setup.signed else None,
-            unix_start_s=UNIX_S,
-        )
+        self.vehicle = _vehicle(setup)
         self.monitor = WireMonitor(setup.limits)
         self.exit = Exit()
-        self.up = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 1)
-        self.down = OneWay(Conditions(delay_s=DELAY_S), seed=setup.seed * 2 + 2)
-        self.target = Target((15.5, self.random.uniform(-1.5, 1.5), -0.8))
-        self.target_heading_rad: float | None = None  # where it goes once confirmed; None: somewhere away
+        self.up = OneWay(setup.link, seed=setup.seed * 2 + 1)
+        self.down = OneWay(setup.link, seed=setup.seed * 2 + 2)
+        self.target = target or Walker((15.5, self.random.uniform(-1.5, 1.5), -0.8))
         self.said: list[str] = []
-        self.frozen = False  # the station's process stands still: what comes in waits
-        self.dead = False  # it is gone
-        self.cause_s = math.inf  # when the fault came
-        self.bound_s: float | None = None
-        self.silent = False  # the bound is for setpoints of any kind
-        self.engaged_before = False
-        self.was_moving = False
-        self.undo: list[Callable[[], None]] = []
-        self.hooks: list[Callable[[float], None]] = []
+        self.undo: list[Callable[[], None]] = []  # to be called when the flight is over
+        self.hooks: list[Callable[[float], None]] = []  # called with the time, before each step
         self.station: StationEnd | None = None
-        self._backlog: list[tuple[bytes, Peer]] = []
-        self.eyes = Eyes(random.Random(setup.seed + 5))
+        self.backlog: list[tuple[bytes, Peer]] = []
+        self.eyes = eyes or Eyes(random.Random(setup.seed + 5), lens=setup.lens)
         self.wire = Wire.over(self._transport, clock=loop, signing=self._signing() if setup.signed else None)
         self.telemetry = Telemetry(self.wire, loop)
         modes = ModeControl(self.wire, self.telemetry, loop)
         link = Link(self.wire, self.telemetry, modes, cast(VehicleActions, None))
-        source, tracker = NoSource(), ModelTracker(self.eyes, loop)
+        source, tracker = NoSource(setup.lens), self.eyes.tracker or ModelTracker(self.eyes, loop)
         self.flight = Flight(link, source, tracker, setup.config, loop, say=self.said.append)
-        self.vision = LockstepVision(self.eyes, loop, self.flight.saw)
+        camera = setup.config.camera
+        self.vision = LockstepVision(self.eyes, tracker, loop, self.flight, glass_delay_s=camera.glass_delay_s)
         self.flight.vision = self.vision
 
     def _signing(self) -> Signing:
@@ -153,12 +146,11 @@ class World:
         return Signing(SigningKey(_KEY), times, self.loop)
 
     def _transport(self, received: Received) -> StationEnd:
-        self.station = StationEnd(self._leave, received)
+        self.station = StationEnd(self.leave, received)
         return self.station
 
-    def _leave(self, data: bytes) -> bool:
-        if self.dead:
-            return False
+    def leave(self, data: bytes) -> bool:
+        """A datagram of the station goes on its way."""
         now_s = self.loop.time()
         self.exit.note(now_s, data)
         self.up.put(data, now_s)
@@ -188,9 +180,8 @@ class World:
             self.down_from_vehicle(self.vehicle.receive(data, now_s), now_s)
         self.monitor.tick(now_s, self.vehicle.truth())
         self.vision.shoot(now_s, self.target.position_ned_m, self.vehicle.pose())
-        self._backlog.extend((data, VEHICLE_PEER) for data in self.down.take(now_s))
-        if not (self.frozen or self.dead):
-            self.hand_over(now_s)
+        self.backlog.extend((data, VEHICLE_PEER) for data in self.down.take(now_s))
+        self.hand_over(now_s)
         tick = self.flight.tick
         self.exit.ended = self.exit.ended or (tick is not None and tick.output.state in _ENDED)
 
@@ -202,58 +193,34 @@ class World:
 
     def hand_over(self, now_s: float) -> None:
         """What waits in the station's sockets is read."""
-        backlog, self._backlog = self._backlog, []
+        backlog, self.backlog = self.backlog, []
         assert self.station is not None
         for data, peer in backlog:
             self.station.received(data, peer)
         self.vision.hand_over(now_s)
 
-    def caused(self, now_s: float) -> None:
-        """The fault's bound counts from now on."""
-        self.cause_s = now_s
-        self.engaged_before = self.flight.control.is_engaged
-        self.was_moving = self.exit.any_moving(now_s - _RECENT_S, now_s)
-        if self.bound_s is None:
-            return
-        by_s = now_s + self.bound_s + self.up.conditions.delay_s + 2 * STEP_S
-        if self.silent:
-            self.monitor.silent_by_s = by_s
-        else:
-            self.monitor.still_by_s = by_s
-
-    def rested(self) -> bool:
-        """Nothing has moved the vehicle since the fault: the control law was not asked."""
-        return not self.exit.any_moving(self.cause_s, math.inf)
-
-    def cause_is_motion(self) -> None:
-        """A fault that is there from the start harms from the first moving setpoint on."""
-        self.caused_when(lambda: self.exit.last_s(moving=True) is not None)
-
-    def caused_when(self, condition: Callable[[], bool]) -> None:
-        """The fault's bound counts from when this is true."""
-
-        def watch(now_s: float) -> None:
-            if condition():
-                self.caused(now_s)
-                self.hooks.remove(watch)
-
-        self.hooks.append(watch)
-
     def inject(self, data: bytes, peer: Peer = VEHICLE_PEER) -> None:
         """A datagram from somebody, straight into the station's socket."""
-        self._backlog.append((data, peer))
+        self.backlog.append((data, peer))
 
-    def stall(self, seconds: float) -> None:
-        """The station's whole process stands still for so long; the world goes on."""
-        self.frozen = True
-        now_s = self.loop.time()
-        end_s = now_s + seconds
-        while now_s + STEP_S <= end_s:
-            now_s += STEP_S
-            self.loop.stall(now_s)
-            self.step(now_s)
-        self.frozen = False
-        self.hand_over(self.loop.time())
+
+def _vehicle(setup: Setup) -> MockVehicle:
+    vehicle = MockVehicle(
+        setup.personality,
+        airborne_m=setup.height_m,
+        parameters={**PREPARED[setup.personality], **setup.parameters},
+        rates_hz={HEARTBEAT: 1.0},
+        seed=setup.seed,
+        signing_key=_KEY if setup.signed else None,
+        unix_start_s=UNIX_S,
+        yaw_rad=setup.heading_rad,
+        airframe=setup.airframe,
+        disturbance=setup.disturbance,
+        tick_s=setup.tick_s,
+    )
+    if setup.attitude_rate_hz is not None:
+        vehicle.streams.least_interval_s[ATTITUDE] = 1.0 / setup.attitude_rate_hz
+    return vehicle
 
 
 async def _sleep_until(loop: LockstepLoop, due_s: float) -> None:

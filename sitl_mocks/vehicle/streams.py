@@ -44,9 +44,13 @@ def default_rates_hz(personality: Personality) -> Mapping[int, float]:
 
 @dataclass(slots=True)
 class Streams:
-    """Due times of the periodic messages. A late caller gets each message once, never a burst."""
+    """Due times of the periodic messages. A late caller gets each message once, never a burst.
+
+    least_interval_s: of a stream that does not come quicker, whatever it is asked for: a link that is too thin.
+    """
 
     default_hz: Mapping[int, float]
+    least_interval_s: dict[int, float] = field(default_factory=dict)
     _interval_s: dict[int, float] = field(init=False)
     _due_s: dict[int, float] = field(init=False)
     _next_s: float = field(init=False, default=0.0)
@@ -61,7 +65,7 @@ class Streams:
             return []
         found = [number for number, due_s in self._due_s.items() if due_s <= now_s + 1e-9]
         for number in found:
-            interval_s = self._interval_s[number]
+            interval_s = max(self._interval_s[number], self.least_interval_s.get(number, 0.0))
             following_s = self._due_s[number] + interval_s
             self._due_s[number] = following_s if following_s > now_s else now_s + interval_s
         self._next_s = min(self._due_s.values(), default=0.0)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from gcs.lockstep.world import DELAY_S, UNIX_S, VEHICLE_PEER, Setup, World
+from gcs.lockstep.world import DELAY_S, UNIX_S, VEHICLE_PEER, Setup
 from sitl_mocks.link_faults import Conditions, OneWay
 from sitl_mocks.vehicle import MockVehicle, Mode, Personality
 from sitl_mocks.vehicle.signing import timestamp_of
@@ -21,6 +21,7 @@ from sitl_mocks.vehicle.streams import (
 )
 from tests.faults.break_vehicle import once_external
 from tests.faults.script import Happened
+from tests.faults.world import FaultWorld
 
 _HEARTBEAT_S = 3.1
 _STRANGER = ("stranger", 14555)
@@ -36,23 +37,23 @@ def _close(way: OneWay) -> Happened:
     return _lost_more(way, 1)
 
 
-def link_down(world: World) -> Happened:
+def link_down(world: FaultWorld) -> Happened:
     """Nothing passes either way."""
     down, up = _close(world.down), _close(world.up)
     return lambda: down() and up()
 
 
-def uplink_down(world: World) -> Happened:
+def uplink_down(world: FaultWorld) -> Happened:
     """We hear it, it does not hear us."""
     return _close(world.up)
 
 
-def downlink_down(world: World) -> Happened:
+def downlink_down(world: FaultWorld) -> Happened:
     """It hears us, we do not hear it."""
     return _close(world.down)
 
 
-def make_bad(world: World, conditions: Conditions) -> Happened:
+def make_bad(world: FaultWorld, conditions: Conditions) -> Happened:
     """From now on the link is like that, both ways, and the judge at the vehicle knows."""
     delay_s = conditions.delay_s
     world.up.conditions = world.down.conditions = conditions
@@ -70,35 +71,35 @@ def make_bad(world: World, conditions: Conditions) -> Happened:
     return _lost_more(world.down, 3)
 
 
-def link_bad(world: World) -> Happened:
+def link_bad(world: FaultWorld) -> Happened:
     """Loss, delay, jitter, duplicates and overtaking, both ways."""
     loss, delay_s = world.random.choice((0.05, 0.2, 0.5)), world.random.choice((0.0, 0.1, 0.25, 0.5, 1.0))
     lost = make_bad(world, Conditions(loss, DELAY_S + delay_s, 0.1 * delay_s, 0.05, 0.05))
     return lambda: lost() and world.down.counts.duplicated > 0 and world.down.counts.reordered > 0
 
 
-def _stop(world: World, *streams: int) -> Happened:
+def _stop(world: FaultWorld, *streams: int) -> Happened:
     world.vehicle.faults.stopped_streams.update(streams)
     times = [world.vehicle.streams.interval_s(stream) for stream in streams]
     return lambda: any(interval_s is not None for interval_s in times)
 
 
-def attitude_stops(world: World) -> Happened:
+def attitude_stops(world: FaultWorld) -> Happened:
     """ATTITUDE comes no more."""
     return _stop(world, ATTITUDE)
 
 
-def position_stops(world: World) -> Happened:
+def position_stops(world: FaultWorld) -> Happened:
     """LOCAL_POSITION_NED comes no more."""
     return _stop(world, LOCAL_POSITION_NED)
 
 
-def height_stops(world: World) -> Happened:
+def height_stops(world: FaultWorld) -> Happened:
     """GLOBAL_POSITION_INT, which tells the height above home, comes no more."""
     return _stop(world, GLOBAL_POSITION_INT)
 
 
-def heartbeat_stops(world: World) -> Happened:
+def heartbeat_stops(world: FaultWorld) -> Happened:
     """HEARTBEAT and CURRENT_MODE come no more; until T_hb it cannot be known who has the vehicle."""
     world.monitor.limits = replace(world.monitor.limits, mode_grace_s=_HEARTBEAT_S)
     return _stop(world, HEARTBEAT, CURRENT_MODE)
@@ -108,7 +109,7 @@ def _packer(system_id: int) -> mavlink.MAVLink:
     return mavlink.MAVLink(None, system_id, 190)
 
 
-def _repeat(world: World, period_s: float, act: object) -> list[float]:
+def _repeat(world: FaultWorld, period_s: float, act: object) -> list[float]:
     """Call `act()` so often from now on; the list of the times it was."""
     times: list[float] = []
     state = [world.loop.time()]
@@ -123,7 +124,7 @@ def _repeat(world: World, period_s: float, act: object) -> list[float]:
     return times
 
 
-def foreign_setpoints(world: World) -> Happened:
+def foreign_setpoints(world: FaultWorld) -> Happened:
     """Another station steers as well, the vehicle obeys both in turns."""
     ours = world.exit.velocity_ned_mps  # he steers elsewhere: where both agree nobody can tell, nor needs to
     heading = math.atan2(ours[1], ours[0]) + world.random.uniform(1.0, 2 * math.pi - 1.0)
@@ -143,14 +144,14 @@ def foreign_setpoints(world: World) -> Happened:
     return lambda: len(obeyed) > 10
 
 
-def foreign_heartbeats(world: World) -> Happened:
+def foreign_heartbeats(world: FaultWorld) -> Happened:
     """Another station is there and only listens."""
     packer = _packer(254)
     times = _repeat(world, 1.0, lambda: world.inject(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(packer)))
     return lambda: len(times) > 1 and (254, 190) in world.telemetry.foreign_stations
 
 
-def foreign_command(world: World) -> Happened:
+def foreign_command(world: FaultWorld) -> Happened:
     """Another station changes the mode by a command."""
     mode = world.random.choice((Mode.LAND, Mode.RETURN))
     if world.px4:
@@ -162,7 +163,7 @@ def foreign_command(world: World) -> Happened:
     return lambda: mode in modes
 
 
-def second_vehicle(world: World) -> Happened:
+def second_vehicle(world: FaultWorld) -> Happened:
     """A second vehicle, in another mode and elsewhere, speaks on the same port."""
     kind = Personality.ARDUPILOT if world.px4 else Personality.PX4
     other = MockVehicle(
@@ -185,7 +186,7 @@ def signed(setup: Setup) -> Setup:
     return replace(setup, signed=True)
 
 
-def _lie(world: World, lie: Callable[[], bytes]) -> Happened:
+def _lie(world: FaultWorld, lie: Callable[[], bytes]) -> Happened:
     """The pilot takes over, and from then on somebody says in the vehicle's name that we still have it."""
     modes = once_external(world, lambda: world.vehicle.pilot_sets_mode(Mode.LAND))
     peer = world.random.choice((VEHICLE_PEER, _STRANGER))
@@ -201,7 +202,7 @@ def _lie(world: World, lie: Callable[[], bytes]) -> Happened:
     return happened
 
 
-def forged_mode(world: World) -> Happened:
+def forged_mode(world: FaultWorld) -> Happened:
     """Made up by somebody without a key."""
     forger = mavlink.MAVLink(None, 1, 1)
     kind, number = (12, 6 << 16) if world.px4 else (3, 4)
@@ -209,7 +210,7 @@ def forged_mode(world: World) -> Happened:
     return _lie(world, lambda: heartbeat.pack(forger))
 
 
-def replayed_mode(world: World) -> Happened:
+def replayed_mode(world: FaultWorld) -> Happened:
     """Recorded while we had it."""
     forger = mavlink.MAVLink(None, 1, 1)
     if world.setup.signed:
@@ -222,7 +223,7 @@ def replayed_mode(world: World) -> Happened:
     return _lie(world, lambda: recording)
 
 
-def garbage(world: World) -> Happened:
+def garbage(world: FaultWorld) -> Happened:
     """Damaged frames and noise among the good ones."""
     rng = world.random
     sent = [0]

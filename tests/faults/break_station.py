@@ -8,12 +8,12 @@ from pathlib import Path
 from unittest import mock
 
 from control.types import VelocityRequest
-from gcs.lockstep.world import World
 from gcs.messages import MessageLog
 from tests.faults.script import Happened
+from tests.faults.world import FaultWorld
 
 
-def requests_stale(world: World) -> Happened:
+def requests_stale(world: FaultWorld) -> Happened:
     """The control law goes on giving out its last answer."""
     control = world.flight.control
     tick = world.flight.tick
@@ -29,7 +29,7 @@ def requests_stale(world: World) -> Happened:
     return lambda: bool(given) or world.rested()
 
 
-def law_raises(world: World) -> Happened:
+def law_raises(world: FaultWorld) -> Happened:
     """The control law raises: a programming error."""
     raised: list[float] = []
 
@@ -41,7 +41,7 @@ def law_raises(world: World) -> Happened:
     return lambda: bool(raised) or world.rested()
 
 
-def long_stall(world: World) -> Happened:
+def long_stall(world: FaultWorld) -> Happened:
     """The whole process stands still for a quarter of a second to three seconds."""
     seconds = world.random.uniform(0.26, 3.0)
     start_s, before = world.loop.time(), len(world.exit.setpoints)
@@ -51,7 +51,7 @@ def long_stall(world: World) -> Happened:
     return lambda: stalled
 
 
-def short_stall(world: World) -> Happened:
+def short_stall(world: FaultWorld) -> Happened:
     """Less than a tick or two: garbage collection, a busy machine."""
     start_s = world.loop.time()
     world.stall(world.random.uniform(0.03, 0.1))
@@ -59,20 +59,20 @@ def short_stall(world: World) -> Happened:
     return lambda: stalled
 
 
-def killed(world: World) -> Happened:
+def killed(world: FaultWorld) -> Happened:
     """The program is gone from one moment to the next."""
     world.dead = True
     count = len(world.exit.setpoints)
     return lambda: len(world.exit.setpoints) == count
 
 
-def leaves(world: World) -> Happened:
+def leaves(world: FaultWorld) -> Happened:
     """The operator quits, or a signal ends the program in order."""
     world.flight.stop()
     return lambda: world.flight._stopping.is_set()
 
 
-def clock_jumps(world: World) -> Happened:
+def clock_jumps(world: FaultWorld) -> Happened:
     """The wall clock jumps by an hour, either way, again and again."""
     real, jump_s = time.time, world.random.choice((-3600.0, 3600.0))
     asked: list[float] = []
@@ -120,7 +120,7 @@ class _Recorder:
         """Not needed."""
 
 
-def disk_full(world: World) -> Happened:
+def disk_full(world: FaultWorld) -> Happened:
     """The disk takes nothing more."""
     log = MessageLog(Path(tempfile.gettempdir()) / "never-made.jsonl", open_file=lambda path: _FullDisk())
     world.flight.watchers = (*world.flight.watchers, _Recorder(log))
@@ -133,7 +133,7 @@ def disk_full(world: World) -> Happened:
     return happened
 
 
-def operator_stops(world: World) -> Happened:
+def operator_stops(world: FaultWorld) -> Happened:
     """The operator's abort."""
     world.flight.abort()
     return lambda: True

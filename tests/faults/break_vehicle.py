@@ -7,15 +7,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from control.fence import Fence
-from gcs.lockstep.world import Setup, World
+from gcs.lockstep.world import Setup
 from sitl_mocks.vehicle import Mode, Result
 from sitl_mocks.vehicle.streams import ATTITUDE, GLOBAL_POSITION_INT, LOCAL_POSITION_NED
 from tests.faults.script import Happened, with_config
+from tests.faults.world import FaultWorld
 
 _SET_MODE = 176
 
 
-def once_external(world: World, act: Callable[[], None]) -> list[Mode]:
+def once_external(world: FaultWorld, act: Callable[[], None]) -> list[Mode]:
     """At once, or while the vehicle is being asked for external control as soon as it has it.
 
     Before that the vehicle obeys whoever spoke last: a request of ours that is under way wins over the pilot, and
@@ -40,14 +41,14 @@ def once_external(world: World, act: Callable[[], None]) -> list[Mode]:
     return modes
 
 
-def pilot_takes_over(world: World) -> Happened:
+def pilot_takes_over(world: FaultWorld) -> Happened:
     """The pilot turns the mode switch."""
     mode = world.random.choice((Mode.POSITION, Mode.ALTITUDE, Mode.STABILIZE, Mode.LAND, Mode.RETURN))
     modes = once_external(world, lambda: world.vehicle.pilot_sets_mode(mode))
     return lambda: mode in modes
 
 
-def pilot_moves_sticks(world: World) -> Happened:
+def pilot_moves_sticks(world: FaultWorld) -> Happened:
     """The pilot moves the sticks; PX4 takes them with COM_RC_OVERRIDE 3, ArduCopter by its mode switch."""
     vehicle = world.vehicle
 
@@ -61,14 +62,14 @@ def pilot_moves_sticks(world: World) -> Happened:
     return lambda: Mode.POSITION in modes
 
 
-def failsafe(world: World) -> Happened:
+def failsafe(world: FaultWorld) -> Happened:
     """The vehicle decides by itself: battery, fence, position estimate."""
     mode = world.random.choice((Mode.RETURN, Mode.LAND))
     modes = once_external(world, lambda: world.vehicle.start_failsafe(mode))
     return lambda: mode in modes
 
 
-def low_battery(world: World) -> Happened:
+def low_battery(world: FaultWorld) -> Happened:
     """The battery runs low in flight; a second later the vehicle flies home by itself, which is what is judged."""
     world.vehicle.battery_frac = 0.1
     world.monitor.silent_by_s = None
@@ -83,14 +84,14 @@ def low_battery(world: World) -> Happened:
     return lambda: bool(happened) and world.vehicle.autopilot.mode is Mode.RETURN
 
 
-def battery_low_before(world: World) -> Happened:
+def battery_low_before(world: FaultWorld) -> Happened:
     """The battery is low before the operator confirms."""
     world.vehicle.battery_frac = 0.2
     world.cause_is_motion()
     return lambda: world.telemetry.vehicle_state().battery_frac == 0.2
 
 
-def external_refused(world: World) -> Happened:
+def external_refused(world: FaultWorld) -> Happened:
     """The vehicle refuses external control, in each of the ways there are, or says nothing."""
     answer = world.random.choice((*(result for result in Result if result is not Result.ACCEPTED), None))
     world.vehicle.faults.refuse[_SET_MODE] = answer
@@ -98,7 +99,7 @@ def external_refused(world: World) -> Happened:
     return lambda: world.flight.tick is not None and world.vehicle.autopilot.mode is not Mode.EXTERNAL
 
 
-def hold_refused(world: World) -> Happened:
+def hold_refused(world: FaultWorld) -> Happened:
     """The operator aborts, and the vehicle refuses to hold."""
     answer = world.random.choice((*(result for result in Result if result is not Result.ACCEPTED), None))
     world.vehicle.faults.refuse[_SET_MODE] = answer
@@ -110,21 +111,21 @@ def hold_refused(world: World) -> Happened:
     )
 
 
-def gps_lost(world: World) -> Happened:
+def gps_lost(world: FaultWorld) -> Happened:
     """No position any more."""
     world.vehicle.faults.gps_lost = True
     world.vehicle.faults.stopped_streams.update((LOCAL_POSITION_NED, GLOBAL_POSITION_INT))
     return lambda: not world.vehicle.view(world.loop.time()).gps_ok
 
 
-def telemetry_nan(world: World) -> Happened:
+def telemetry_nan(world: FaultWorld) -> Happened:
     """Attitude or position full of NaN."""
     stream = world.random.choice((ATTITUDE, LOCAL_POSITION_NED))
     world.vehicle.faults.nan_streams.add(stream)
     return lambda: world.vehicle.streams.interval_s(stream) is not None
 
 
-def _run_away(world: World, speed_mps: float) -> None:
+def _run_away(world: FaultWorld, speed_mps: float) -> None:
     world.target.heading_rad, world.target.weave_rad = 0.0, 0.0
     world.target.speed_mps = speed_mps
 
@@ -136,7 +137,7 @@ def small_fence(setup: Setup) -> Setup:
     return replace(with_config(setup, limits=limits), limits=replace(setup.limits, fence_radius_m=14.0))
 
 
-def to_the_fence(world: World) -> Happened:
+def to_the_fence(world: FaultWorld) -> Happened:
     """The target runs on past the fence."""
     _run_away(world, world.random.uniform(4.0, 6.0))
     reached: list[bool] = [False]
@@ -157,7 +158,7 @@ def low_ceiling(setup: Setup) -> Setup:
     return replace(with_config(setup, limits=limits), limits=judged)
 
 
-def height_asked(world: World) -> Happened:
+def height_asked(world: FaultWorld) -> Happened:
     """The follow law is made to want full climb or full descent for good."""
     control, law = world.flight.control, world.flight.control._follow_law
     down_mps = world.random.choice((-1.5, 1.5))
@@ -173,7 +174,7 @@ def height_asked(world: World) -> Happened:
     return lambda: bool(asked) or world.rested()
 
 
-_ERRORS: tuple[tuple[str, Callable[[World], None]], ...] = (
+_ERRORS: tuple[tuple[str, Callable[[FaultWorld], None]], ...] = (
     ("nothing there", lambda world: setattr(world.eyes, "covered", True)),
     ("not sure", lambda world: setattr(world.eyes, "confidence", 0.3)),
     ("on the ground", lambda world: _on_the_ground(world)),
@@ -185,17 +186,17 @@ _ERRORS: tuple[tuple[str, Callable[[World], None]], ...] = (
 )
 
 
-def _at_height(world: World, height_m: float) -> None:
+def _at_height(world: FaultWorld, height_m: float) -> None:
     world.vehicle.autopilot.flight.body.motion.position_ned_m = (0.0, 0.0, -height_m)
     world.vehicle.autopilot.flight.hold_ned_m = None
 
 
-def _on_the_ground(world: World) -> None:
+def _on_the_ground(world: FaultWorld) -> None:
     _at_height(world, 0.0)
     world.vehicle.autopilot.do_disarm()
 
 
-def operator_errs(world: World) -> Happened:
+def operator_errs(world: FaultWorld) -> Happened:
     """A confirmation that must be refused."""
     _, err = world.random.choice(_ERRORS)
     err(world)

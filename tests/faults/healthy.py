@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from control.gate import Reason
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import Setup, World
+from gcs.lockstep.world import Setup
 from sitl_mocks.vehicle import Personality
 from tests.faults.script import Flown, engage
+from tests.faults.world import FaultWorld
 
 _FIRST_S = 1.0  # the gate's word counts once the follow runs
 _TRIMMED = (Reason.SPEED, Reason.ALTITUDE, Reason.FENCE, Reason.SLEW, Reason.LIMIT_JUMPED)
@@ -30,7 +31,7 @@ class Healthy:
 class _Turning:
     """The target turns round before it gets far: inside the fence for ever."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: FaultWorld) -> None:
         self._world = world
 
     def __call__(self, now_s: float) -> None:
@@ -42,7 +43,7 @@ def fly_healthy(personality: Personality, seed: int, seconds: float) -> Healthy:
     """Follow for so long."""
 
     async def main(loop: LockstepLoop) -> Healthy:
-        world, found, flown = World(loop, Setup(seed, personality)), Healthy(), Flown()
+        world, found, flown = FaultWorld(loop, Setup(seed, personality)), Healthy(), Flown()
         stepping = loop.create_task(world.run())
         await world.wire.wait_vehicle(1.0)
         flight = loop.create_task(world.flight.run())

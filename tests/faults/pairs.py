@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gcs.lockstep.world import Setup, World
+from gcs.lockstep.world import Setup
 from tests.faults.script import Expect, Fault, Happened, Outcome, Phase, fly
+from tests.faults.world import FaultWorld
 
 _ENDS = (Expect.RELEASED, Expect.TAKEN_OVER, Expect.ENDED, Expect.GONE, Expect.CRASHED)
 
@@ -20,7 +21,7 @@ def pair(first: Fault, second: Fault) -> Fault:
         early, late = (first, second) if first.from_start else (second, first)
         return _one_before(early, late)
 
-    def inject(world: World) -> Happened:
+    def inject(world: FaultWorld) -> Happened:
         proofs = [first.inject(world)]
         world.loop.call_later(world.random.uniform(0.0, 0.5), lambda: proofs.append(second.inject(world)))
         return lambda: len(proofs) == 2 and any(proof() for proof in proofs)

@@ -16,10 +16,11 @@ from gcs.flight_orders import Orders
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.eyes import box_of
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import Setup, World
+from gcs.lockstep.world import Setup
 from gcs.operator.orders import Confirm, Select
 from sitl_mocks.monitor import Rule
 from sitl_mocks.vehicle import Personality
+from tests.faults.world import FaultWorld
 from tracker.box import Box
 
 _READY_S: Final = 1.0  # streams flow, attitude is known
@@ -67,11 +68,11 @@ class Fault:
     hazard: int
     name: str
     expect: Expect
-    inject: Callable[[World], Happened]
+    inject: Callable[[FaultWorld], Happened]
     bound_s: float | None = None
     prepare: Callable[[Setup], Setup] = lambda setup: setup
     phases: tuple[Phase, ...] = tuple(Phase)
-    before: Callable[[World], object] | None = None  # broken before the operator selects, besides
+    before: Callable[[FaultWorld], object] | None = None  # broken before the operator selects, besides
     from_start: bool = False  # it is there before the operator selects; the bound counts from the first motion
     watch_s: float = 2.5  # how long after the fault
 
@@ -113,7 +114,7 @@ def fly(fault: Fault, phase: Phase, seed: int) -> Outcome:
 
 
 async def _run(loop: LockstepLoop, setup: Setup, fault: Fault, phase: Phase, seed: int) -> Outcome:
-    world, flown = World(loop, setup), Flown()
+    world, flown = FaultWorld(loop, setup), Flown()
     start_s = loop.time()
     stepping = loop.create_task(world.run())
     flight = loop.create_task(_fly_station(world))
@@ -130,7 +131,7 @@ async def _run(loop: LockstepLoop, setup: Setup, fault: Fault, phase: Phase, see
     return outcome
 
 
-async def _fly_station(world: World) -> None:
+async def _fly_station(world: FaultWorld) -> None:
     await world.wire.wait_vehicle(_READY_S)
     await world.flight.run()
 
@@ -140,7 +141,7 @@ def _note_end(task: asyncio.Task[None], flown: Flown) -> None:
         flown.crash = repr(task.exception())
 
 
-async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: asyncio.Task[None]) -> None:
+async def _play(world: FaultWorld, fault: Fault, phase: Phase, flown: Flown, flight: asyncio.Task[None]) -> None:
     rng, loop = world.random, world.loop
 
     def _break_in(now: Phase) -> None:
@@ -166,7 +167,7 @@ async def _play(world: World, fault: Fault, phase: Phase, flown: Flown, flight: 
     await asyncio.sleep(fault.watch_s)
 
 
-async def _go_on_to(world: World, phase: Phase) -> None:
+async def _go_on_to(world: FaultWorld, phase: Phase) -> None:
     rng = world.random
     match phase:
         case Phase.ACCELERATING:
@@ -183,7 +184,7 @@ async def _go_on_to(world: World, phase: Phase) -> None:
             await asyncio.sleep(rng.uniform(1.15, 3.6))
 
 
-async def engage(world: World, flown: Flown, meanwhile: Callable[[], None]) -> None:
+async def engage(world: FaultWorld, flown: Flown, meanwhile: Callable[[], None]) -> None:
     """The operator selects and confirms; `meanwhile` is called while the vehicle is asked for external control."""
     orders, rng = Orders(world.flight), world.random
     await asyncio.sleep(_READY_S + rng.uniform(0.0, 0.05))
@@ -201,7 +202,7 @@ async def engage(world: World, flown: Flown, meanwhile: Callable[[], None]) -> N
         flown.refusal = str(error)
 
 
-def _break(world: World, fault: Fault, flown: Flown) -> None:
+def _break(world: FaultWorld, fault: Fault, flown: Flown) -> None:
     world.bound_s = fault.bound_s
     world.silent = fault.expect in (Expect.TAKEN_OVER, Expect.GONE)
     if not fault.from_start:
@@ -209,7 +210,7 @@ def _break(world: World, fault: Fault, flown: Flown) -> None:
     flown.happened = fault.inject(world)
 
 
-def _judge(world: World, fault: Fault, phase: Phase, seed: int, flown: Flown, flown_s: float) -> Outcome:
+def _judge(world: FaultWorld, fault: Fault, phase: Phase, seed: int, flown: Flown, flown_s: float) -> Outcome:
     monitor, now_s = world.monitor, world.loop.time()
     problems = [f"{r.rule.value} at {r.t_s - world.cause_s:+.3f} s: {r.text}" for r in monitor.reasons]
     problems += world.exit.faults[:3]
@@ -228,7 +229,7 @@ def _judge(world: World, fault: Fault, phase: Phase, seed: int, flown: Flown, fl
     return Outcome(fault.label, phase, seed, late_s, went_on, unsafe, tuple(problems), world.exit.digest, flown_s)
 
 
-def _unexpected(world: World, expect: Expect, went_on: bool, flown: Flown, phase: Phase) -> list[str]:
+def _unexpected(world: FaultWorld, expect: Expect, went_on: bool, flown: Flown, phase: Phase) -> list[str]:
     tick, truth, now_s = world.flight.tick, world.vehicle.truth(), world.loop.time()
     state = tick.output.state if tick is not None else State.NO_VIDEO
     said = f"{state.value}, external {truth.external}, {'; '.join(world.said[-3:])} {flown.refusal}"

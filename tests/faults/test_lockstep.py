@@ -9,13 +9,13 @@ import pytest
 
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import World
 from tests.faults import break_video
 from tests.faults.hazards import FAULTS
 from tests.faults.script import Expect, Fault, Phase, fly
+from tests.faults.world import FaultWorld
 
 
-def _nothing(world: World) -> object:
+def _nothing(world: FaultWorld) -> object:
     return lambda: True
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.lockstep.world import DELAY_S, World
+from gcs.lockstep.world import DELAY_S
 from sitl_mocks.link_faults import Conditions
 from sitl_mocks.vehicle import Mode
 from tests.faults import break_link, break_vehicle
 from tests.faults.script import Expect, Fault, Happened, Phase, fly
+from tests.faults.world import FaultWorld
 
 _TAKEOVERS = 10  # of each autopilot; `python -m tests.faults --only H15 --pairs no --seeds 200` does a thousand
 
@@ -27,7 +28,7 @@ def test_only_a_request_that_is_under_way_can_overtake_the_pilot(autopilot: int)
     overtaken_s: list[float] = []
     spoke: list[float] = []
 
-    def inject(world: World) -> Happened:
+    def inject(world: FaultWorld) -> Happened:
         if world.vehicle.autopilot.mode is Mode.EXTERNAL:
             return lambda: True
         spoke.append(world.loop.time())
@@ -49,7 +50,7 @@ def test_only_a_request_that_is_under_way_can_overtake_the_pilot(autopilot: int)
 
 
 def _bad(loss_frac: float, delay_s: float) -> Fault:
-    def inject(world: World) -> Happened:
+    def inject(world: FaultWorld) -> Happened:
         return break_link.make_bad(world, Conditions(loss_frac, DELAY_S + delay_s))
 
     expect = Expect.GOES_ON if delay_s == 0.0 else Expect.ENDED

@@ -20,7 +20,7 @@ from gcs.keys import SigningKey
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.eyes import box_of
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import VEHICLE_PEER, Setup, StationEnd, World
+from gcs.lockstep.world import VEHICLE_PEER, Setup, StationEnd
 from gcs.operator.orders import Acknowledge, Confirm, Select
 from gcs.signing import Signing
 from gcs.signing_time import SigningTime
@@ -28,6 +28,7 @@ from gcs.telemetry import Telemetry
 from gcs.transport import Endpoint, Kind, Received
 from gcs.wire import Wire
 from sitl_mocks.vehicle import Personality
+from tests.faults.world import FaultWorld
 from tests.fuzz.packets import Mutator
 from tests.fuzz.process import Usage
 from tests.fuzz.report import Progress, Row
@@ -53,7 +54,7 @@ def fuzz_link(count: int, seed: int, personality: Personality, folder: Path, *, 
 
 
 async def _run(loop: LockstepLoop, row: Row, seed: int, personality: Personality, folder: Path, quiet: bool) -> None:
-    world = World(loop, Setup(seed, personality))
+    world = FaultWorld(loop, Setup(seed, personality))
     fuzz = _Fuzz(world, Mutator(seed), row, Progress(row.what, row.count, quiet), _side_links(loop, seed, folder))
     stepping = loop.create_task(world.run(), name="world")
     await world.wire.wait_vehicle(5.0)
@@ -98,7 +99,7 @@ class _Fuzz:
     """The damage, the operator, and what becomes of both."""
 
     def __init__(
-        self, world: World, mutator: Mutator, row: Row, progress: Progress, links: list[tuple[Wire, StationEnd]]
+        self, world: FaultWorld, mutator: Mutator, row: Row, progress: Progress, links: list[tuple[Wire, StationEnd]]
     ) -> None:
         self._world, self._mutator, self._row, self._progress = world, mutator, row, progress
         (self._stream_wire, self._stream), (self._signed_wire, self._signed) = links

@@ -28,9 +28,10 @@ from gcs.errors import GcsError
 from gcs.flight_orders import Orders
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.eyes import box_of
-from gcs.lockstep.world import Setup, World
+from gcs.lockstep.world import Setup
 from gcs.operator.orders import Acknowledge, Confirm, Select
 from sitl_mocks.vehicle import Mode, Personality
+from tests.faults.world import FaultWorld
 from tests.processes.rig import station, vehicle
 from tests.soak.samples import Sample, growth, sample, slope_mb_per_h
 from tracker.box import Box
@@ -84,7 +85,7 @@ class Record:
 async def simulated(loop: lockstep.LockstepLoop, seconds: float, seed: int) -> Record:
     """Follow, lose, be taken over, and begin again."""
     personality = list(Personality)[seed % 2]
-    world, record, rng = World(loop, Setup(seed, personality)), Record(), random.Random(seed)
+    world, record, rng = FaultWorld(loop, Setup(seed, personality)), Record(), random.Random(seed)
     decide = world.flight.step
 
     def timed(now_s: float) -> object:
@@ -111,7 +112,7 @@ async def simulated(loop: lockstep.LockstepLoop, seconds: float, seed: int) -> R
     return record
 
 
-async def _episode(world: World, record: Record, rng: random.Random) -> None:
+async def _episode(world: FaultWorld, record: Record, rng: random.Random) -> None:
     """One follow, from the box to its end."""
     orders = Orders(world.flight)
     world.vehicle.autopilot.change_mode(Mode.HOLD if world.px4 else Mode.BRAKE)
@@ -150,7 +151,7 @@ async def _episode(world: World, record: Record, rng: random.Random) -> None:
     assert tick.output.state in (State.RELEASED, State.TAKEN_OVER), tick.output
 
 
-def _forget(world: World) -> None:
+def _forget(world: FaultWorld) -> None:
     """What the harness keeps for its judgement must not be taken for a leak of the station."""
     world.exit.setpoints.clear()
     world.said.clear()
