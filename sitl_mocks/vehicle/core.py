@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from sitl_mocks.dynamics import (
@@ -17,7 +16,6 @@ from sitl_mocks.dynamics import (
     Disturbance,
     Motion,
     Multicopter,
-    Vec3,
 )
 from sitl_mocks.monitor import Truth
 from sitl_mocks.vehicle.ardupilot import ArduPilot
@@ -25,9 +23,11 @@ from sitl_mocks.vehicle.autopilot import Autopilot, Failsafe
 from sitl_mocks.vehicle.dispatch import Dispatcher
 from sitl_mocks.vehicle.faults import Faults, without_numbers
 from sitl_mocks.vehicle.flight import Flight, Sticks
+from sitl_mocks.vehicle.gimbal import MockGimbal
 from sitl_mocks.vehicle.link import Outbox
 from sitl_mocks.vehicle.modes import Landed, Mode, Personality
 from sitl_mocks.vehicle.params import Parameters
+from sitl_mocks.vehicle.pose import Pose
 from sitl_mocks.vehicle.px4 import Px4
 from sitl_mocks.vehicle.second_link import SecondLink
 from sitl_mocks.vehicle.signing import Signing
@@ -41,19 +41,6 @@ from sitl_mocks.vehicle.streams import (
 from sitl_mocks.vehicle.telemetry import BUILDERS, Home, View
 
 UNIX_START_S = 1.79e9
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where the vehicle truly is, for a rendered camera. NED metres, rad, m/s, rad/s."""
-
-    t_s: float
-    position_ned_m: Vec3
-    velocity_ned_mps: Vec3
-    roll_rad: float
-    pitch_rad: float
-    yaw_rad: float
-    yaw_rate_rps: float
 
 
 class MockVehicle:
@@ -84,6 +71,7 @@ class MockVehicle:
         battery_frac: float = 1.0,
         signing_key: bytes | None = None,
         unix_start_s: float | None = None,
+        gimbal: MockGimbal | None = None,
         tick_s: float = TICK_S,
         seed: int = 0,
     ) -> None:
@@ -104,6 +92,9 @@ class MockVehicle:
         self._random = random.Random(seed)
         self.outbox = Outbox(system_id, component_id, self._random, self.signing, self.faults)
         self._dispatcher = Dispatcher(self, self.outbox)
+        self.gimbal = gimbal
+        if gimbal is not None:
+            gimbal.attach(self.outbox)
         self._epoch_s: float | None = None  # when the first step was; unix_start_s belongs to it
         self._power_on(Motion(yaw_rad=yaw_rad))
         if airborne_m is not None:
@@ -165,7 +156,7 @@ class MockVehicle:
         while boot_s + (self._ticks + 1) * tick_s <= now_s + 1e-9:
             self._ticks += 1
             self._tick(boot_s + self._ticks * tick_s)
-        return self.outbox.flush(now_s, self.unix_s(now_s))
+        return self._flush(now_s)
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take one datagram that arrived at now_s; returns what the vehicle answers at once."""
@@ -179,7 +170,7 @@ class MockVehicle:
             return []
         self._dispatch(datagram, now_s)
         self.announce(now_s)
-        return self.outbox.flush(now_s, self.unix_s(now_s))
+        return self._flush(now_s)
 
     def second_link(self, *, forwarded: bool = False) -> SecondLink:
         """Another way in, for another ground station; forwarded: heard on the first link too."""
@@ -211,13 +202,20 @@ class MockVehicle:
 
     def _dispatch(self, datagram: bytes, now_s: float) -> None:
         for message in self.outbox.read(datagram, self.unix_s(now_s)):
-            self._dispatcher.handle(message, now_s)
+            if self.gimbal is None or not self.gimbal.handle(message, now_s):
+                self._dispatcher.handle(message, now_s)
+
+    def _flush(self, now_s: float) -> list[bytes]:
+        sent = self.outbox.flush(now_s, self.unix_s(now_s))
+        return sent if self.gimbal is None else sent + self.gimbal.flush(now_s, self.unix_s(now_s))
 
     def _tick(self, now_s: float) -> None:
         pilot = self.autopilot
         self._sense(now_s)
         pilot.watch(now_s)
         pilot.flight.tick(pilot.behaviour(), now_s, pilot.speeds())
+        if self.gimbal is not None:
+            self.gimbal.tick(now_s, pilot.flight.body.motion)
         self.announce(now_s)
         due = self.streams.due(now_s)
         if due:
@@ -273,10 +271,9 @@ class MockVehicle:
 
     def pose(self) -> Pose:
         """The true pose at the newest tick, for the camera."""
-        m = self.autopilot.flight.body.motion
-        return Pose(
-            self._now_s, m.position_ned_m, m.velocity_ned_mps, m.roll_rad, m.pitch_rad, m.yaw_rad, m.yaw_rate_rps
-        )
+        m, camera = self.autopilot.flight.body.motion, None if self.gimbal is None else self.gimbal.rpy_rad
+        attitude = (m.roll_rad, m.pitch_rad, m.yaw_rad)
+        return Pose(self._now_s, m.position_ned_m, m.velocity_ned_mps, *attitude, m.yaw_rate_rps, camera)
 
     def truth(self) -> Truth:
         """What the wire monitor judges the traffic by."""
