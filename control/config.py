@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 from control.checks import check_ranges, ranged
 from control.gate_limits import Limits
@@ -39,6 +40,13 @@ class EstimatorConfig:
         check_ranges(self)
 
 
+class Altitude(Enum):
+    """Which height is held while following."""
+
+    HELD = "held"  # the vehicle's own above home, as at confirmation
+    RELATIVE = "relative"  # that above the target, as at confirmation: the target may climb
+
+
 @dataclass(frozen=True, slots=True)
 class FollowConfig:
     """Gains and limits of the follow laws."""
@@ -48,6 +56,7 @@ class FollowConfig:
     feed_forward_std_rps: float = ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
     range_gain_ps: float = ranged(0.05, 0.35, 2.0)
     target_velocity_gain: float = ranged(0.0, 0.95, 1.0)  # how far the vehicle moves along with the target
+    sideways_gain: float = ranged(0.0, 0.95, 1.0)  # the same for what it moves across, in follow mode
     target_velocity_std_mps: float = ranged(0.1, 10.0, 20.0)  # std of it at which half is left
     rate_lag_s: float = ranged(0.0, 0.6, 2.0)  # how late the filter's rates are, for matching own velocity
     # How far size may differ from what height and depression say: ln of the distance, its rate, and on top of the
@@ -62,6 +71,11 @@ class FollowConfig:
     height_gain_ps: float = ranged(0.05, 0.8, 2.0)
     station_gain_ps: float = ranged(0.05, 0.5, 2.0)  # spotlight holds its place
     max_station_speed_mps: float = ranged(0.1, 2.0, 5.0)
+    orbit_speed_mps: float = ranged(-8.0, 2.0, 8.0)  # around the target, clockwise seen from above positive
+    orbit_acceleration_mps2: float = ranged(0.1, 1.0, 2.5)  # the circle's v² / r; slower where it would be more
+    orbit_yaw_frac: float = ranged(0.05, 0.5, 0.9)  # the same for v / r, as a share of max_yaw_rate_rps
+    standoff_speed_mps: float = ranged(0.1, 1.0, 3.0)  # how fast a new standoff is taken up while following
+    altitude: Altitude = Altitude.HELD
     max_speed_mps: float = ranged(0.1, 7.0, 12.0)
     max_vertical_mps: float = ranged(0.1, 0.8, 1.5)
     max_yaw_rate_rps: float = ranged(0.05, math.radians(60), math.radians(90))

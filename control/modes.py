@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
-from control.config import FollowConfig
+from control.config import Altitude, FollowConfig
 from control.types import TargetState, Vec3, VehicleState
 
 _STEEPEST_RAD = math.radians(85)
@@ -18,6 +18,13 @@ class FollowMode(Enum):
 
     SPOTLIGHT = "spotlight"  # the nose keeps the target centred, the vehicle keeps its place
     FOLLOW = "follow"  # and distance and height are held while the target moves
+    PARALLEL = "parallel"  # and the target is kept on the bearing it had at confirmation
+    ORBIT = "orbit"  # and the vehicle circles it
+
+    @property
+    def holds_distance(self) -> bool:
+        """Whether it needs to know the distance."""
+        return self is not FollowMode.SPOTLIGHT
 
 
 class ConfirmError(ValueError):
@@ -30,7 +37,9 @@ class Confirmation:
 
     range_m: slant range to the target when it had log_size. standoff_m: ground distance to hold.
     ground_factor: the distance confirmed over what height and depression of the box's middle said of it, so that
-    what the operator typed on sloping ground is kept; None where the line of sight was too flat to tell.
+    what the operator typed on sloping ground is kept; None where the line of sight was too flat to tell, or where
+    the target's height is not taken to be that of home. azimuth_rad: of the target. above_m: how far the vehicle was
+    above it; None: its own height above home is held. standoff_goal_m: where standoff_m is being led; None: nowhere.
     """
 
     mode: FollowMode
@@ -41,6 +50,24 @@ class Confirmation:
     height_m: float
     position_ned_m: Vec3
     ground_factor: float | None = None
+    azimuth_rad: float = 0.0
+    above_m: float | None = None
+    standoff_goal_m: float | None = None
+
+    def standoff_rate_mps(self, config: FollowConfig) -> float:
+        """How fast the standoff is growing now."""
+        if self.standoff_goal_m is None:
+            return 0.0
+        return math.copysign(config.standoff_speed_mps, self.standoff_goal_m - self.standoff_m)
+
+    def led(self, dt_s: float, config: FollowConfig) -> Confirmation:
+        """The same dt_s (s) later: the standoff nearer to its goal."""
+        if self.standoff_goal_m is None:
+            return self
+        step_m = self.standoff_rate_mps(config) * dt_s
+        if abs(self.standoff_goal_m - self.standoff_m) <= abs(step_m):
+            return replace(self, standoff_m=self.standoff_goal_m, standoff_goal_m=None)
+        return replace(self, standoff_m=self.standoff_m + step_m)
 
 
 def ground_distance_m(target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float | None:
@@ -86,25 +113,34 @@ def confirm(
     standoff_m: the ground distance to hold, otherwise the present one. Spotlight needs neither.
     """
     distance = distance_m if distance_m is not None else ground_distance_m(target, vehicle, config)
+    known = distance is not None
     if distance is None:
-        if mode is FollowMode.FOLLOW:
+        if mode.holds_distance:
             raise ConfirmError("distance unknown: the target is not clearly below the horizon; type a distance")
         distance = config.max_distance_m
     standoff = standoff_m if standoff_m is not None else distance
-    if mode is FollowMode.FOLLOW:
-        for name, value in (("distance", distance), ("standoff", standoff)):
-            if not config.min_distance_m * 1.2 <= value <= config.max_distance_m:
-                raise ConfirmError(
-                    f"{name} must be from {config.min_distance_m * 1.2:g} to {config.max_distance_m:g} m, "
-                    f"not {value:.1f} m"
-                )
+    if mode.holds_distance:
+        check_distance("distance", distance, config)
+        check_distance("standoff", standoff, config)
+    range_m = distance / max(math.cos(target.elevation_rad), 0.1)
+    relative = known and config.altitude is Altitude.RELATIVE
+    ground_m = None if relative else sure_ground_m(target, vehicle, config)
     return Confirmation(
         mode=mode,
         t_s=now_s,
         log_size=target.log_size,
-        range_m=distance / max(math.cos(target.elevation_rad), 0.1),
+        range_m=range_m,
         standoff_m=standoff,
         height_m=vehicle.height_m,
         position_ned_m=vehicle.position_ned_m,
-        ground_factor=None if (ground := sure_ground_m(target, vehicle, config)) is None else distance / ground,
+        ground_factor=None if ground_m is None else distance / ground_m,
+        azimuth_rad=target.azimuth_rad,
+        above_m=-range_m * math.sin(target.elevation_rad) if relative else None,
     )
+
+
+def check_distance(name: str, value_m: float, config: FollowConfig) -> None:
+    """ConfirmError where it is none that may be held."""
+    low_m, high_m = config.min_distance_m * 1.2, config.max_distance_m
+    if not low_m <= value_m <= high_m:
+        raise ConfirmError(f"{name} must be from {low_m:g} to {high_m:g} m, not {value_m:.1f} m")

@@ -36,10 +36,14 @@ class Belief:
     blind_s: float = 0.0
 
 
+def range_m(confirmation: Confirmation, target: TargetState) -> float:
+    """Slant range from how the apparent size has changed: d = d* exp(s* - s)."""
+    return confirmation.range_m * math.exp(min(max(confirmation.log_size - target.log_size, -5.0), 5.0))
+
+
 def distance_m(confirmation: Confirmation, target: TargetState) -> float:
-    """Ground distance from how the apparent size has changed: d = d* exp(s* - s)."""
-    shrink = min(max(confirmation.log_size - target.log_size, -5.0), 5.0)
-    return confirmation.range_m * math.exp(shrink) * math.cos(target.elevation_rad)
+    """Ground distance from how the apparent size has changed."""
+    return range_m(confirmation, target) * math.cos(target.elevation_rad)
 
 
 def target_motion(
