@@ -6,6 +6,7 @@ reads a clock, so a flight can be flown again from its log.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import assert_never
@@ -26,6 +27,8 @@ from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, 
 from gcs.flight_sight import Sight
 from gcs.flight_vision import Seen
 from gcs.link_health import LinkHealth
+
+Law = Callable[..., tuple[VelocityRequest, FollowState]]  # as `follow_request`
 
 
 class Act(Enum):
@@ -79,6 +82,7 @@ class FollowControl:
         self._engaged = False
         self._ranging: Ranging | None = None
         self.wanted = Wanted()
+        self.law: Law = follow_request  # another one to measure this one against
         self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
         self.confirmation: Confirmation | None = None
 
@@ -213,7 +217,7 @@ class FollowControl:
             return zero_request(now_s)
         if output.state is State.FOLLOWING and self._ranging is not None:
             self.confirmation = self._ranging.lead(self.confirmation, target, vehicle, TICK_S, self._config.follow)
-        request, self._follow = follow_request(
+        request, self._follow = self.law(
             self.confirmation,
             target,
             vehicle,
