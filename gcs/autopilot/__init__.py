@@ -1,11 +1,22 @@
-"""What differs between autopilots, as data: mode numbers and the streams to ask for."""
+"""What differs between autopilots, as data: mode numbers and the streams to ask for.
+
+Which mode is the external one depends on the backend: OFFBOARD or GUIDED, or the vehicle's own follow mode.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
 from control.types import VehicleMode
+
+
+class Backend(Enum):
+    """How a follow reaches the vehicle: by velocity setpoints, or by publishing the target to its own follow mode."""
+
+    SETPOINTS = "setpoints"
+    FOLLOW_TARGET = "follow-target"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,4 +51,8 @@ class Autopilot(Protocol):
 
     def mode_params(self, mode: VehicleMode) -> tuple[float, float]:
         """(param2, param3) of MAV_CMD_DO_SET_MODE for EXTERNAL or HOLD; ValueError for any other."""
+        ...
+
+    def by(self, backend: Backend) -> Autopilot:
+        """The same, reached in this way."""
         ...

@@ -1,17 +1,17 @@
-"""ArduCopter: custom_mode is the flight mode's number (AP mode.h); GUIDED is the external mode."""
+"""ArduCopter: custom_mode is the flight mode's number (AP mode.h); GUIDED or FOLLOW is external."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from control.types import VehicleMode
-from gcs.autopilot import Stream
+from gcs.autopilot import Backend, Stream
 from gcs.framing import dialect
 
-GUIDED, LOITER, RTL, LAND, BRAKE = 4, 5, 6, 9, 17
+GUIDED, LOITER, RTL, LAND, BRAKE, FOLLOW = 4, 5, 6, 9, 17, 23
+_EXTERNAL = {Backend.SETPOINTS: GUIDED, Backend.FOLLOW_TARGET: FOLLOW}
 _BY_PILOT = frozenset({0, 1, 2, 11, 13, 16, 22})  # STABILIZE ACRO ALT_HOLD DRIFT SPORT POSHOLD FLOWHOLD
 _MODES = {
-    GUIDED: VehicleMode.EXTERNAL,
     LOITER: VehicleMode.HOLD,
     BRAKE: VehicleMode.HOLD,
     RTL: VehicleMode.RETURN,
@@ -19,8 +19,6 @@ _MODES = {
     27: VehicleMode.RETURN,  # AUTO_RTL
     LAND: VehicleMode.LAND,
 }
-# BRAKE, not LOITER: with the throttle stick low LOITER was measured to sink into the ground at 2.5 m/s.
-_SET_MODE = {VehicleMode.EXTERNAL: (float(GUIDED), 0.0), VehicleMode.HOLD: (float(BRAKE), 0.0)}
 
 STREAMS = (
     Stream(dialect.MAVLINK_MSG_ID_ATTITUDE, 50.0),
@@ -42,15 +40,24 @@ class ArduCopter:
     name: str = "ArduCopter"
     streams: tuple[Stream, ...] = STREAMS
     integers_bytewise: bool = False
+    backend: Backend = Backend.SETPOINTS
 
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """VehicleMode of the flight mode's number."""
+        if custom_mode == _EXTERNAL[self.backend]:
+            return VehicleMode.EXTERNAL
         if custom_mode in _BY_PILOT:
             return VehicleMode.MANUAL
         return _MODES.get(custom_mode, VehicleMode.OTHER)
 
     def mode_params(self, mode: VehicleMode) -> tuple[float, float]:
-        """GUIDED 4, BRAKE 17."""
-        if mode not in _SET_MODE:
+        """GUIDED 4, FOLLOW 23, BRAKE 17."""
+        # BRAKE, not LOITER: with the throttle stick low LOITER was measured to sink into the ground at 2.5 m/s.
+        numbers = {VehicleMode.EXTERNAL: _EXTERNAL[self.backend], VehicleMode.HOLD: BRAKE}
+        if mode not in numbers:
             raise ValueError(f"ArduCopter is never put into {mode.value} by this station")
-        return _SET_MODE[mode]
+        return float(numbers[mode]), 0.0
+
+    def by(self, backend: Backend) -> ArduCopter:
+        """The same, reached in this way."""
+        return replace(self, backend=backend)

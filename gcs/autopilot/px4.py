@@ -1,14 +1,16 @@
-"""PX4: custom_mode = main << 16 | sub << 24 (px4_custom_mode.h); OFFBOARD is the external mode."""
+"""PX4: custom_mode = main << 16 | sub << 24 (px4_custom_mode.h); OFFBOARD or AUTO_FOLLOW_TARGET is external."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from control.types import VehicleMode
-from gcs.autopilot import Stream
+from gcs.autopilot import Backend, Stream
 from gcs.framing import dialect
 
 MAIN_AUTO, MAIN_OFFBOARD = 4, 6
+_EXTERNAL = {Backend.SETPOINTS: (MAIN_OFFBOARD, 0), Backend.FOLLOW_TARGET: (MAIN_AUTO, 8)}
+_HOLD = (MAIN_AUTO, 3)
 _MAIN_BY_PILOT = frozenset({1, 2, 3, 5, 7, 8})  # MANUAL ALTCTL POSCTL ACRO STABILIZED RATTITUDE
 _AUTO = {
     2: VehicleMode.TAKEOFF,
@@ -18,7 +20,6 @@ _AUTO = {
     9: VehicleMode.LAND,  # precision landing
     10: VehicleMode.TAKEOFF,  # VTOL
 }
-_SET_MODE = {VehicleMode.EXTERNAL: (6.0, 0.0), VehicleMode.HOLD: (4.0, 3.0)}
 
 STREAMS = (
     Stream(dialect.MAVLINK_MSG_ID_ATTITUDE, 50.0),
@@ -41,18 +42,25 @@ class Px4:
     name: str = "PX4"
     streams: tuple[Stream, ...] = STREAMS
     integers_bytewise: bool = True
+    backend: Backend = Backend.SETPOINTS
 
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """VehicleMode of main and sub mode."""
         main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
-        if main == MAIN_OFFBOARD:
+        if (main, sub if main == MAIN_AUTO else 0) == _EXTERNAL[self.backend]:
             return VehicleMode.EXTERNAL
         if main == MAIN_AUTO:
             return _AUTO.get(sub, VehicleMode.OTHER)
         return VehicleMode.MANUAL if main in _MAIN_BY_PILOT else VehicleMode.OTHER
 
     def mode_params(self, mode: VehicleMode) -> tuple[float, float]:
-        """OFFBOARD 6/0, AUTO_LOITER 4/3."""
-        if mode not in _SET_MODE:
+        """OFFBOARD 6/0, AUTO_FOLLOW_TARGET 4/8, AUTO_LOITER 4/3."""
+        numbers = {VehicleMode.EXTERNAL: _EXTERNAL[self.backend], VehicleMode.HOLD: _HOLD}
+        if mode not in numbers:
             raise ValueError(f"PX4 is never put into {mode.value} by this station")
-        return _SET_MODE[mode]
+        main, sub = numbers[mode]
+        return float(main), float(sub)
+
+    def by(self, backend: Backend) -> Px4:
+        """The same, reached in this way."""
+        return replace(self, backend=backend)
