@@ -35,17 +35,19 @@ class ConfirmError(ValueError):
 class Confirmation:
     """What holds from the moment of confirmation on.
 
-    range_m: slant range to the target when it had log_size. standoff_m: ground distance to hold.
-    ground_factor: the distance confirmed over what height and depression of the box's middle said of it, so that
-    what the operator typed on sloping ground is kept; None where the line of sight was too flat to tell, or where
-    the target's height is not taken to be that of home. azimuth_rad: of the target. above_m: how far the vehicle was
-    above it; None: its own height above home is held. standoff_goal_m: where standoff_m is being led; None: nowhere.
+    range_m: slant range to the target when it had log_size, as best known by now; confirmed_range_m: as then.
+    standoff_m: ground distance to hold; standoff_goal_m: where it is being led, None: nowhere. ground_factor: the
+    distance confirmed over what height and depression of the box's middle said of it, so that what the operator
+    typed on sloping ground is kept; None where the line of sight was too flat to tell, or where the target need not
+    stand at home's height. azimuth_rad: of the target then. above_m: how far the vehicle was above it; None: the
+    vehicle's own height_m above home is held.
     """
 
     mode: FollowMode
     t_s: float
     log_size: float
     range_m: float
+    confirmed_range_m: float
     standoff_m: float
     height_m: float
     position_ned_m: Vec3
@@ -130,6 +132,7 @@ def confirm(
         t_s=now_s,
         log_size=target.log_size,
         range_m=range_m,
+        confirmed_range_m=range_m,
         standoff_m=standoff,
         height_m=vehicle.height_m,
         position_ned_m=vehicle.position_ned_m,

@@ -53,6 +53,8 @@ class FollowChoice(Enum):
 
     SPOTLIGHT = "spotlight"
     FOLLOW = "follow"
+    PARALLEL = "parallel"
+    ORBIT = "orbit"
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from control.gate_limits import outside
 from control.limits import after_setpoint, priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.preflight import refusals
-from control.ranging import Ranging
+from control.ranging import lead_range
 from control.setpoint_echo import EchoMonitor
 from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
 from gcs.flight_sight import Sight
@@ -80,7 +80,6 @@ class FollowControl:
         self._previous: Setpoint | None = None
         self.confirm_problem = ""
         self._engaged = False
-        self._ranging: Ranging | None = None
         self.wanted = Wanted()
         self.law: Law = follow_request  # another one to measure this one against
         self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
@@ -166,7 +165,6 @@ class FollowControl:
         self._engaged = output.engaging or output.state in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
         if self._engaged and not was_engaged:
             self.confirmation, self._follow = candidate, FollowState.at_rest(now_s)
-            self._ranging = Ranging(candidate.range_m) if candidate is not None else None
             self._inputs = replace(self._inputs, request_t_s=None)
         request = self._request(output, target, vehicle, now_s)
         setpoint, reason = gate(request, vehicle, now_s, self._previous, self._config.limits)
@@ -215,8 +213,9 @@ class FollowControl:
     ) -> VelocityRequest:
         if target is None or self.confirmation is None:
             return zero_request(now_s)
-        if output.state is State.FOLLOWING and self._ranging is not None:
-            self.confirmation = self._ranging.lead(self.confirmation, target, vehicle, TICK_S, self._config.follow)
+        if output.state is State.FOLLOWING:
+            follow = self._config.follow
+            self.confirmation = lead_range(self.confirmation, target, vehicle, TICK_S, follow).led(TICK_S, follow)
         request, self._follow = self.law(
             self.confirmation,
             target,

@@ -6,8 +6,11 @@ import asyncio
 from dataclasses import replace
 from typing import Final, assert_never
 
+from control.adjust import change_mode, change_standoff
 from control.causes import Cause
 from control.engagement import State
+from control.modes import Confirmation, ConfirmError
+from control.motion import distance_m
 from control.types import VehicleMode
 from gcs.errors import GcsError, SelectionError
 from gcs.flight import Flight
@@ -26,6 +29,7 @@ from gcs.operator.orders import (
     SetDistance,
     SetMode,
     SetStandoff,
+    StepStandoff,
     TakeOff,
 )
 from gcs.selection import check_box
@@ -77,8 +81,14 @@ class Orders:
                 await self._let_go()
                 await flight.link.actions.return_to_launch()
                 return "returning home"
+            case SetMode() | SetStandoff() if control.is_engaged:
+                changed = self._change(order)
+                self._want(order)
+                return changed
             case SetMode() | SetStandoff() | SetDistance():
                 return self._want(order)
+            case StepStandoff():
+                return self._change(order)
             case Accept(name):
                 return flight.auditor.accept(name)
             case Quit():
@@ -165,6 +175,29 @@ class Orders:
         except TimeoutError:
             raise RefusedError(f"the vehicle does not hold: its mode is {self._mode().value}") from None
 
+    def _change(self, order: SetMode | SetStandoff | StepStandoff) -> str:
+        """What is followed goes on being followed, otherwise."""
+        flight, control = self._flight, self._flight.control
+        now_s, follow = flight.clock.now_s(), flight.config.control.follow
+        target, held = control.predict(now_s), control.confirmation
+        if flight.tick is None or flight.tick.output.state is not State.FOLLOWING or target is None or held is None:
+            raise RefusedError("only while a target is followed and seen")
+        try:
+            match order:
+                case SetMode(mode):
+                    vehicle, typed_m = flight.link.telemetry.vehicle_state(), control.wanted.distance_m
+                    changed = change_mode(held, mode, target, vehicle, now_s, follow, distance_m=typed_m)
+                case SetStandoff(standoff_m):
+                    changed = change_standoff(held, standoff_m or distance_m(held, target), follow)
+                case StepStandoff(by_m):
+                    changed = change_standoff(held, (held.standoff_goal_m or held.standoff_m) + by_m, follow)
+                case _:
+                    assert_never(order)
+        except ConfirmError as error:
+            raise RefusedError(str(error)) from None
+        control.confirmation = changed
+        return _held_line(changed)
+
     def _want(self, order: SetMode | SetStandoff | SetDistance) -> str:
         control = self._flight.control
         match order:
@@ -183,3 +216,11 @@ class Orders:
 
     def _mode(self) -> VehicleMode:
         return self._flight.link.telemetry.vehicle_state().mode
+
+
+def _held_line(confirmation: Confirmation) -> str:
+    """What is being held now."""
+    if not confirmation.mode.holds_distance:
+        return confirmation.mode.value
+    goal_m = confirmation.standoff_m if confirmation.standoff_goal_m is None else confirmation.standoff_goal_m
+    return f"{confirmation.mode.value} at {goal_m:.1f} m"

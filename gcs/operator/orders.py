@@ -6,11 +6,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from control.modes import FollowMode
 from gcs.video import Frame
 from tracker.box import Box
+
+_MODES: Final = tuple(mode.value for mode in FollowMode)
+_STEP_M: Final = "2"  # of an approach or retreat that says no more
 
 
 class OrderError(ValueError):
@@ -64,16 +67,26 @@ class Return:
 
 @dataclass(frozen=True, slots=True)
 class SetMode:
-    """What the next confirmation asks for."""
+    """What the next confirmation asks for, and a follow that is under way takes up."""
 
     mode: FollowMode
 
 
 @dataclass(frozen=True, slots=True)
 class SetStandoff:
-    """Ground distance (m) for the next confirmation; None keeps the one at that moment."""
+    """Ground distance (m) for the next confirmation, and for a follow that is under way.
+
+    None keeps the one at that moment.
+    """
 
     standoff_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class StepStandoff:
+    """While following: hold so much (m) more distance than now; less where it is negative."""
+
+    by_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +119,14 @@ Order: TypeAlias = (
     | Return
     | SetMode
     | SetStandoff
+    | StepStandoff
     | SetDistance
     | Accept
     | Quit
 )
 
 HELP = (
-    "box X Y W H · follow · abort · ack · mode follow|spotlight · standoff M|now · distance M|auto · "
+    "box X Y W H · follow · abort · ack · mode MODE · standoff M|now · approach [M] · retreat [M] · distance M|auto · "
     "hold · takeoff [M] · land · rtl · accept PARAMETER · quit"
 )
 
@@ -174,7 +188,9 @@ _ORDERS: Mapping[str, tuple[str, Callable[..., Order]]] = MappingProxyType(
         "land": ("land", Land),
         "rtl": ("rtl", Return),
         "spotlight": ("spotlight", lambda: SetMode(FollowMode.SPOTLIGHT)),
-        "mode": ("mode follow or mode spotlight", lambda name: SetMode(FollowMode(name))),
+        "mode": (f"mode {', '.join(_MODES[:-1])} or {_MODES[-1]}", lambda name: SetMode(FollowMode(name))),
+        "approach": ("approach [METRES]", lambda by_m=_STEP_M: StepStandoff(-_positive_m(by_m))),
+        "retreat": ("retreat [METRES]", lambda by_m=_STEP_M: StepStandoff(_positive_m(by_m))),
         "standoff": ("standoff METRES or standoff now", _standoff),
         "distance": ("distance METRES or distance auto", _distance),
         "accept": ("accept NAME of a parameter", lambda name: Accept(name.upper())),
