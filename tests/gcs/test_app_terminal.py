@@ -24,6 +24,7 @@ from gcs.operator.orders import (
     SetDistance,
     SetMode,
     SetStandoff,
+    StepStandoff,
     TakeOff,
     parse_order,
 )
@@ -46,6 +47,11 @@ from tracker.box import Box
         ("rtl", Return()),
         ("spotlight", SetMode(FollowMode.SPOTLIGHT)),
         ("mode follow", SetMode(FollowMode.FOLLOW)),
+        ("mode parallel", SetMode(FollowMode.PARALLEL)),
+        ("mode orbit", SetMode(FollowMode.ORBIT)),
+        ("approach", StepStandoff(-2.0)),
+        ("approach 3.5", StepStandoff(-3.5)),
+        ("retreat 1", StepStandoff(1.0)),
         ("standoff 15", SetStandoff(15.0)),
         ("standoff now", SetStandoff(None)),
         ("distance 20", SetDistance(20.0)),
@@ -60,7 +66,7 @@ def test_every_order_has_its_words(line: str, order: Order) -> None:
 @pytest.mark.parametrize(
     "line",
     ["", "fly", "box 1 2 3", "box a b c d", "box 0 0 0 10", "box nan 0 10 10", "takeoff -3", "takeoff inf",
-     "standoff 0", "mode orbit", "follow now", "land 3"],
+     "standoff 0", "mode sideways", "approach -2", "retreat far", "follow now", "land 3"],
 )  # fmt: skip
 def test_a_wrong_line_says_what_was_expected(line: str) -> None:
     with pytest.raises(OrderError) as error:
