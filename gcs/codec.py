@@ -16,6 +16,7 @@ from gcs.framing import CodecError, Message, dialect
 
 # SET_POSITION_TARGET_LOCAL_NED.type_mask: ignore position (7), acceleration (0x1C0) and yaw (0x400).
 TYPE_MASK_VELOCITY_YAW_RATE = 0x5C7
+_POSITION_AND_VELOCITY = 0b11  # FOLLOW_TARGET.est_capabilities
 _MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})  # MAV_TYPE: quadrotor .. decarotor, helicopters
 _AUTOPILOT_COMPONENT = 1
 _GCS_TYPE = 6
@@ -33,6 +34,7 @@ MOVING_MESSAGES = frozenset(
         dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
         dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
         dialect.MAVLINK_MSG_ID_SET_ACTUATOR_CONTROL_TARGET,
+        dialect.MAVLINK_MSG_ID_FOLLOW_TARGET,
     }
 )
 
@@ -101,6 +103,37 @@ def setpoint(value: Setpoint, vehicle: VehicleId, time_boot_ms: int) -> Message:
         *(0.0, 0.0, 0.0),
         0.0,
         value.yaw_rate_rps,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedTarget:
+    """What FOLLOW_TARGET says of a target: degrees, metres above mean sea level, m/s in NED, standard deviations."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    velocity_ned_mps: tuple[float, float, float]
+    std_ned_m: tuple[float, float, float]
+
+
+def follow_target(value: PublishedTarget, time_boot_ms: int) -> Message:
+    """FOLLOW_TARGET with position and velocity, attitude and rates unknown; CodecError if not finite."""
+    numbers = (value.latitude_deg, value.longitude_deg, value.altitude_m, *value.velocity_ned_mps, *value.std_ned_m)
+    if not all(map(math.isfinite, numbers)):
+        raise CodecError(f"target is not finite: {value}")
+    return dialect.MAVLink_follow_target_message(
+        time_boot_ms,
+        _POSITION_AND_VELOCITY,
+        round(value.latitude_deg * 1e7),
+        round(value.longitude_deg * 1e7),
+        value.altitude_m,
+        list(value.velocity_ned_mps),
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [std * std for std in value.std_ned_m],
+        0,
     )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gcs import codec
+from gcs.autopilot import Backend
 from gcs.codec import VehicleId
 from gcs.framing import Deframer, Message
 from gcs.transport import Peer
@@ -15,8 +18,9 @@ _LOOK_PERIOD_S = 0.1
 class VehiclePin:
     """Pins one system, component and autopilot for the life of a wire."""
 
-    def __init__(self, wanted_system_id: int | None) -> None:
+    def __init__(self, wanted_system_id: int | None, backend: Backend = Backend.SETPOINTS) -> None:
         self._wanted_system_id = wanted_system_id
+        self._backend = backend
         self._others: dict[str, float] = {}  # name -> last heard, s
         self._looked_t_s = float("-inf")
         self.vehicle: VehicleId | None = None
@@ -24,7 +28,7 @@ class VehiclePin:
 
     def is_ours(self, message: Message, now_s: float) -> bool:
         """This message is the vehicle's own; its first heartbeat pins it."""
-        heard = codec.identify(message)
+        heard = self._identify(message)
         if self.vehicle is None:
             self._pin(message, heard)
         if self.vehicle is None:
@@ -39,8 +43,12 @@ class VehiclePin:
             self.vehicle is not None
             and codec.is_from(message, self.vehicle)
             and message.get_type() == "HEARTBEAT"
-            and codec.identify(message) != self.vehicle
+            and self._identify(message) != self.vehicle
         )
+
+    def _identify(self, message: Message) -> VehicleId | None:
+        heard = codec.identify(message)
+        return None if heard is None else replace(heard, autopilot=heard.autopilot.by(self._backend))
 
     def _pin(self, message: Message, heard: VehicleId | None) -> None:
         if heard is None:
@@ -56,7 +64,7 @@ class VehiclePin:
             return
         self._looked_t_s = now_s
         for message in Deframer().datagram(datagram):
-            heard = codec.identify(message)
+            heard = self._identify(message)
             if heard is not None:
                 self._note(heard, now_s, f" at {peer[0]}:{peer[1]}" if peer else "")
 

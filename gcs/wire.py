@@ -13,8 +13,9 @@ from typing import TypeAlias
 
 from control.gate import Setpoint
 from gcs import codec
+from gcs.autopilot import Backend
 from gcs.clock import Clock, MonotonicClock
-from gcs.codec import VehicleId
+from gcs.codec import PublishedTarget, VehicleId
 from gcs.errors import VehicleError
 from gcs.framing import Deframer, Encoder, FrameCounters, Message, message_id, split_frames
 from gcs.link_meters import LinkFigures, LossMeter, SlidingSum, WireCounters
@@ -41,17 +42,12 @@ class Wire:
     """
 
     def __init__(
-        self,
-        endpoint: Endpoint,
-        clock: Clock,
-        encoder: Encoder,
-        vehicle_system_id: int | None,
-        signing: Signing | None,
+        self, endpoint: Endpoint, clock: Clock, encoder: Encoder, pin: VehiclePin, signing: Signing | None
     ) -> None:
         self._endpoint = endpoint
         self._clock = clock
         self._encoder = encoder
-        self._pin = VehiclePin(vehicle_system_id)
+        self._pin = pin
         self._deframer = Deframer()
         self._transport: Transport | None = None
         self._connections = 0
@@ -80,13 +76,15 @@ class Wire:
         system_id: int = SYSTEM_ID,
         component_id: int = COMPONENT_ID,
         signing: Signing | None = None,
+        backend: Backend = Backend.SETPOINTS,
     ) -> Wire:
         """Open the link of this URL; WireError if the address is wrong, taken or missing.
 
         clock: the one whose time the gate is given. tlog: a file that must not exist yet. signing: closed with us.
         """
+        encoder, pin = Encoder(system_id, component_id), VehiclePin(vehicle_system_id, backend)
         endpoint = parse_url(url)
-        wire = cls(endpoint, clock or MonotonicClock(), Encoder(system_id, component_id), vehicle_system_id, signing)
+        wire = cls(endpoint, clock or MonotonicClock(), encoder, pin, signing)
         try:
             wire._tlog = TlogWriter.create(tlog) if tlog is not None else None
             wire._transport = await open_transport(endpoint, wire._received)
@@ -106,12 +104,14 @@ class Wire:
         system_id: int = SYSTEM_ID,
         component_id: int = COMPONENT_ID,
         signing: Signing | None = None,
+        backend: Backend = Backend.SETPOINTS,
     ) -> Wire:
         """A wire over any transport, made by calling the factory with what is to be called for bytes received.
 
         endpoint: names the link, and says whether bytes come as whole datagrams. Needs no event loop.
         """
-        wire = cls(endpoint, clock, Encoder(system_id, component_id), vehicle_system_id, signing)
+        encoder, pin = Encoder(system_id, component_id), VehiclePin(vehicle_system_id, backend)
+        wire = cls(endpoint, clock, encoder, pin, signing)
         wire._transport = transport_factory(wire._received)
         return wire
 
@@ -142,7 +142,8 @@ class Wire:
             self._pin.glance(data, peer, now_s)
             return
         self.counters.bytes_received += len(data)
-        messages = [message for message in self._deframe(data) if self._is_believed(message)]
+        believed = (lambda frame: True) if self.signing is None else self.signing.accepts
+        messages = [message for message in self._deframe(data) if believed(message.get_msgbuf())]
         self._received_rate.add(now_s, len(messages), len(data))
         for message in messages:
             if not self._note(message, peer, now_s):
@@ -158,9 +159,6 @@ class Wire:
             self._connections = self._transport.connections
             self._deframer.reset()
         return self._deframer.stream(data)
-
-    def _is_believed(self, message: Message) -> bool:
-        return self.signing is None or self.signing.accepts(message.get_msgbuf())
 
     def _note(self, message: Message, peer: Peer | None, now_s: float) -> bool:
         """False: drop it, it comes from another autopilot under the vehicle's ids."""
@@ -221,18 +219,18 @@ class Wire:
             totals=replace(self.counters),
         )
 
-    def send_setpoint(self, setpoint: Setpoint) -> bool:
-        """Send what the gate made, once; False if it is stale or cannot leave now. Moves the vehicle."""
+    def send_setpoint(self, setpoint: Setpoint, target: PublishedTarget | None = None) -> bool:
+        """Send what the gate made (or, by its permit, `target`), once; False if it is stale or cannot leave now."""
         if not isinstance(setpoint, Setpoint):
-            kind = type(setpoint).__name__
-            raise TypeError(f"only a control.gate.Setpoint may move the vehicle, not {kind}")
+            raise TypeError(f"only a control.gate.Setpoint may move the vehicle, not {type(setpoint).__name__}")
         if self.vehicle is None:
             self.counters.unsent += 1
             return False
         if self._is_stale(setpoint.t_s):  # before encoding, so that no sequence number is spent on it
             return False
         time_boot_ms = int((self._clock.now_s() - self._t_open_s) * 1000)
-        sent = self._put(self._encoder.encode(codec.setpoint(setpoint, self.vehicle, time_boot_ms)))
+        made = codec.setpoint(setpoint, self.vehicle, time_boot_ms)
+        sent = self._put(self._encoder.encode(made if target is None else codec.follow_target(target, time_boot_ms)))
         self.counters.setpoints_sent += sent
         return sent
 
