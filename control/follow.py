@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from control.camera import CameraModel
 from control.config import ControlConfig, FollowConfig
+from control.gimbal import GimbalState, hand_over_rps
 from control.laws import Scene, velocity_wish
 from control.limits import ShapeState, Wish, shape
 from control.modes import Confirmation, sure_ground_m
@@ -41,11 +42,12 @@ def follow_request(
     *,
     velocity_factor: float = 1.0,
     coasting: bool = False,
+    gimbal: GimbalState | None = None,
 ) -> tuple[VelocityRequest, FollowState]:
     """The request of this 20 Hz tick and the shaping state after it.
 
     target: the estimator's prediction for now + config.follow.lead_s. velocity_factor: the state machine's
-    (1 while following, falling to 0 while coasting).
+    (1 while following, falling to 0 while coasting). gimbal: the camera is on one, and how that stands.
     """
     follow = config.follow
     own = _lagged(state, vehicle.velocity_ned_mps, now_s, follow)
@@ -55,7 +57,13 @@ def follow_request(
     belief = believe(state.belief, motion, trust, now_s, follow)
     motion = replace(motion, radial_mps=belief.radial_mps)
     wish = velocity_wish(Scene(confirmation, target, vehicle, camera, follow, motion, own, coasting))
-    wish = replace(wish, yaw_rate_rps=yaw_rate_rps(target, vehicle, camera, follow))
+    if gimbal is not None:  # it keeps the target in view while the vehicle tilts
+        wish = replace(wish, sight_acceleration_mps2=(-math.inf, math.inf))
+    if gimbal is not None and gimbal.ours and gimbal.limits.has_yaw:
+        yaw_rps = hand_over_rps(target, gimbal, config.gimbal)
+    else:
+        yaw_rps = yaw_rate_rps(target, vehicle, camera, follow)
+    wish = replace(wish, yaw_rate_rps=yaw_rps)
     if velocity_factor < 1.0:
         wish = _faded(wish, max(velocity_factor, 0.0))
     request, after, _ = shape(state.shaping, wish, now_s, config.shaping)

@@ -7,7 +7,7 @@ control part, in control/config.py and control/gate_limits.py, can only tighten 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
@@ -203,6 +203,11 @@ class Config:
     vehicle: VehicleConfig = field(default_factory=VehicleConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
+
+    def camera_model(self, width_px: int, height_px: int) -> CameraModel:
+        """The camera for pictures of this size; on a gimbal it has no mount but that. ConfigError as `CameraConfig`."""
+        model = self.camera.model(width_px, height_px)
+        return replace(model, mount_rpy_rad=(0.0, 0.0, 0.0)) if self.gimbal.enabled else model
 
 
 def load(path: str | Path | None) -> Config:

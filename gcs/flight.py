@@ -40,6 +40,7 @@ from gcs.flight_view import (
     status_line,
 )
 from gcs.flight_vision import Seen, Vision
+from gcs.gimbal import Gimbal
 from gcs.link_health import link_health
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
@@ -82,8 +83,13 @@ class Flight:
         self.config = config
         self.clock = clock
         self.say = say
-        self.camera: CameraModel = config.camera.model(*source.size)
-        self.control = FollowControl(config.control, self.camera, link.telemetry.attitude)
+        self.camera: CameraModel = config.camera_model(*source.size)
+        attitude = link.telemetry.attitude
+        self.gimbal: Gimbal | None = None
+        if config.gimbal.enabled:
+            self.gimbal = Gimbal(link.wire, clock, attitude, config.gimbal.device_id)
+            attitude = self.gimbal.attitude
+        self.control = FollowControl(config.control, self.camera, attitude, on_gimbal=config.gimbal.enabled)
         self.vision = Vision(source, tracker, clock, self._deliver, self._expected)
         self.tick: Tick | None = None
         self.seen: Seen | None = None
@@ -122,7 +128,7 @@ class Flight:
                     task.cancel()
         finally:
             self._spawn = None
-            await self._leave()
+            await asyncio.gather(self._leave(), self._leave_gimbal())
             # Its own thread: waiting for the frame under way must not hold up the loop.
             await asyncio.to_thread(self.vision.close)
 
@@ -158,9 +164,13 @@ class Flight:
         home = telemetry.home_frame.home
         if home is not None:
             self.control.home_at(home.latitude_deg, home.longitude_deg)
+        if self.gimbal is not None:
+            self.control.gimbal = self.gimbal.state(now_s)
         tick = self.control.tick(now_s, telemetry.vehicle_state(), link_health(wire, telemetry, now_s))
         if tick.setpoint is not None:
             self.link.wire.send_setpoint(tick.setpoint)
+        if self.gimbal is not None:
+            self.gimbal.step(now_s, tick.gimbal)
         self.tick = tick
         if self._spawn is not None:
             self._modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
@@ -191,6 +201,11 @@ class Flight:
             if fresh(self.link.telemetry.vehicle_state().mode_t_s, self.clock.now_s(), MODE_AGE_S):
                 self._send_zero()
             await asyncio.wait([holding], timeout=TICK_S)
+
+    async def _leave_gimbal(self) -> None:
+        if self.gimbal is not None:
+            await self.gimbal.leave()
+            self.gimbal.close()
 
     def _send_zero(self) -> None:
         setpoint = self.control.zero(self.clock.now_s(), self.link.telemetry.vehicle_state())
@@ -224,7 +239,7 @@ class Flight:
     def predicted_at(self, t_capture_s: float, like: Box) -> Box | None:
         """Where the target should be in a frame captured then, shaped like this box; None where that is unknown."""
         target = self.control.predict(t_capture_s)
-        return predicted_box(self.camera, self.link.telemetry.attitude, target, t_capture_s, like)
+        return predicted_box(self.camera, self.control.sight.attitude, target, t_capture_s, like)
 
     def _expected(self, t_capture_s: float, like: Box) -> Box | None:
         """On the vision thread: where a hidden target should be in a frame; None if the loop is not quick."""
@@ -264,6 +279,8 @@ class Flight:
         vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
         now_s = self.clock.now_s()
         warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
+        if self.gimbal is not None and now_s > self._settled_s:
+            warnings += self.gimbal.warnings(now_s)
         return make_status(
             now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link_summary(self.link.wire, now_s)
         )

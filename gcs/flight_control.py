@@ -18,6 +18,7 @@ from control.engagement import Action, Engagement, Inputs, Output, State
 from control.follow import FollowState, follow_request
 from control.gate import TICK_S, Setpoint, gate
 from control.gate_limits import outside
+from control.gimbal import GimbalRequest, GimbalState, Pointing
 from control.limits import after_setpoint, priming_request, zero_request
 from control.modes import Confirmation, ConfirmError, FollowMode, confirm
 from control.preflight import refusals
@@ -26,6 +27,7 @@ from control.setpoint_echo import EchoMonitor
 from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
 from gcs.flight_sight import Sight
 from gcs.flight_vision import Seen
+from gcs.latency_budget import Budget
 from gcs.link_health import LinkHealth
 
 Law = Callable[..., tuple[VelocityRequest, FollowState]]  # as `follow_request`
@@ -60,13 +62,21 @@ class Tick:
     request: VelocityRequest | None
     setpoint: Setpoint | None
     gate: Reason
+    camera: GimbalState | None = None  # where it looks, if it is on a gimbal and that is known
+    gimbal: GimbalRequest | None = None  # None: there is none, or nobody is followed
+    budget: Budget | None = None  # of the newest picture, in the first tick that knows of it
 
 
 class FollowControl:
     """Everything between the tracker and the wire. `now_s` must be the wire's own clock."""
 
-    def __init__(self, config: ControlConfig, camera: CameraModel, attitude: AttitudeBuffer) -> None:
+    def __init__(
+        self, config: ControlConfig, camera: CameraModel, attitude: AttitudeBuffer, *, on_gimbal: bool = False
+    ) -> None:
+        """attitude: the camera's where it is on a gimbal, else the vehicle's."""
         self._config = config
+        self._pointing = Pointing(config.gimbal) if on_gimbal else None
+        self.gimbal: GimbalState | None = None  # as of the next tick
         self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
         self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
         self.sight = Sight(config.estimator, camera, attitude)
@@ -76,6 +86,7 @@ class FollowControl:
         self._acts: set[Act] = set()
         self._selection = 0
         self._inputs = Inputs()
+        self._unanswered: Seen | None = None  # measured since the last tick
         self._follow = FollowState.at_rest(0.0)
         self._previous: Setpoint | None = None
         self.confirm_problem = ""
@@ -117,6 +128,7 @@ class FollowControl:
             latency_s=None,
             camera_wrong=False,
         )
+        self._unanswered = None
         if number:
             self.act(Act.SELECT)
 
@@ -137,15 +149,18 @@ class FollowControl:
             measured_t_s=now_s if accepted else self._inputs.measured_t_s,
             rejections_in_a_row=self.sight.estimator.rejections_in_a_row,
             confidence=measurement.confidence,
-            latency_s=now_s - measurement.t_capture_s + TICK_S,
             camera_wrong=self.sight.camera_is_wrong,
         )
+        self._unanswered = seen
         return measurement
 
     def tick(self, now_s: float, vehicle: VehicleState, link: LinkHealth | None = None) -> Tick:
         """Decide what leaves now. `setpoint` must be sent at once, or never. link: None where nothing is known."""
-        self._watch(now_s, vehicle, link or LinkHealth())
-        target = self.sight.estimator.predict(now_s + self._config.follow.lead_s)
+        link = link or LinkHealth()
+        self._watch(now_s, vehicle, link)
+        link_s = link.one_way_s if link.one_way_s is not None else max(self._config.follow.lead_s - TICK_S / 2, 0.0)
+        budget = self._budget(now_s, link_s)
+        target = self.sight.estimator.predict(now_s + link_s + TICK_S / 2)
         candidate = self._candidate(target, vehicle, now_s)
         acts, self._acts = self._acts, set()
         inputs = replace(
@@ -173,7 +188,17 @@ class FollowControl:
             self._follow = replace(self._follow, shaping=shaping)
             self._echo.sent(now_s, setpoint.velocity_ned_mps)
         self._previous = setpoint
-        return Tick(now_s, inputs, output, target, request, setpoint, reason)
+        gimbal = self._point(output, target, vehicle, now_s)
+        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget)
+
+    def _budget(self, now_s: float, link_s: float) -> Budget | None:
+        """Of the picture that this tick is the first to answer."""
+        seen, self._unanswered = self._unanswered, None
+        if seen is None:
+            return None
+        budget = Budget.of(seen, now_s, link_s)
+        self._inputs = replace(self._inputs, latency_s=budget.total_s)
+        return budget
 
     def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
         """What this tick tells about ourselves and the link."""
@@ -226,9 +251,20 @@ class FollowControl:
             self._config,
             velocity_factor=output.velocity_factor,
             coasting=output.state is State.COASTING,
+            gimbal=self.gimbal,
         )
         self._inputs = replace(self._inputs, request_t_s=now_s)
         return request
+
+    def _point(
+        self, output: Output, target: TargetState | None, vehicle: VehicleState, now_s: float
+    ) -> GimbalRequest | None:
+        """The gimbal turns only while the law is asked for the vehicle's velocity too."""
+        if self._pointing is None or not self._engaged:
+            return None
+        if output.action is not Action.SEND_REQUEST or target is None or self.gimbal is None:
+            return self._pointing.rest(now_s)
+        return self._pointing.follow(target, self.gimbal, vehicle, now_s, output.velocity_factor)
 
     def zero(self, now_s: float, vehicle: VehicleState) -> Setpoint | None:
         """The stop of an orderly end, through the gate like everything else; None where it must be silent."""

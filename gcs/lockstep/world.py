@@ -30,7 +30,7 @@ from sitl_mocks.dynamics import TICK_S, Airframe, Disturbance
 from sitl_mocks.lens import Lens
 from sitl_mocks.link_faults import Conditions, OneWay
 from sitl_mocks.monitor import MonitorLimits, WireMonitor
-from sitl_mocks.vehicle import MockVehicle, Personality
+from sitl_mocks.vehicle import MockGimbal, MockVehicle, Personality
 from sitl_mocks.vehicle.params import PREPARED
 from sitl_mocks.vehicle.streams import ATTITUDE, HEARTBEAT
 
@@ -82,6 +82,7 @@ class Setup:
     disturbance: Disturbance = field(default_factory=Disturbance)
     attitude_rate_hz: float | None = None
     tick_s: float = TICK_S  # of the vehicle's dynamics
+    gimbal: Callable[[], MockGimbal] | None = None  # makes one for the camera; the lens then needs no mount
 
 
 class StationEnd:
@@ -179,7 +180,7 @@ class World:
             self.monitor.feed(now_s, data, self.vehicle.truth())
             self.down_from_vehicle(self.vehicle.receive(data, now_s), now_s)
         self.monitor.tick(now_s, self.vehicle.truth())
-        self.vision.shoot(now_s, self.target.position_ned_m, self.vehicle.pose())
+        self.vision.shoot(now_s, self.target.position_ned_m, self.vehicle.pose().of_camera)
         self.backlog.extend((data, VEHICLE_PEER) for data in self.down.take(now_s))
         self.hand_over(now_s)
         tick = self.flight.tick
@@ -217,6 +218,7 @@ def _vehicle(setup: Setup) -> MockVehicle:
         airframe=setup.airframe,
         disturbance=setup.disturbance,
         tick_s=setup.tick_s,
+        gimbal=setup.gimbal() if setup.gimbal is not None else None,
     )
     if setup.attitude_rate_hz is not None:
         vehicle.streams.least_interval_s[ATTITUDE] = 1.0 / setup.attitude_rate_hz
