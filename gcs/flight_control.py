@@ -27,7 +27,7 @@ from control.setpoint_echo import EchoMonitor
 from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
 from gcs.flight_sight import Sight
 from gcs.flight_vision import Seen
-from gcs.latency_budget import Budget
+from gcs.latency_budget import Budget, LatencyMeter
 from gcs.link_health import LinkHealth
 
 Law = Callable[..., tuple[VelocityRequest, FollowState]]  # as `follow_request`
@@ -86,7 +86,7 @@ class FollowControl:
         self._acts: set[Act] = set()
         self._selection = 0
         self._inputs = Inputs()
-        self._unanswered: Seen | None = None  # measured since the last tick
+        self._latency = LatencyMeter(config.follow.lead_s - TICK_S / 2)
         self._follow = FollowState.at_rest(0.0)
         self._previous: Setpoint | None = None
         self.confirm_problem = ""
@@ -128,7 +128,7 @@ class FollowControl:
             latency_s=None,
             camera_wrong=False,
         )
-        self._unanswered = None
+        self._latency.forget()
         if number:
             self.act(Act.SELECT)
 
@@ -151,25 +151,21 @@ class FollowControl:
             confidence=measurement.confidence,
             camera_wrong=self.sight.camera_is_wrong,
         )
-        self._unanswered = seen
+        self._latency.saw(seen)
         return measurement
 
     def tick(self, now_s: float, vehicle: VehicleState, link: LinkHealth | None = None) -> Tick:
         """Decide what leaves now. `setpoint` must be sent at once, or never. link: None where nothing is known."""
         link = link or LinkHealth()
         self._watch(now_s, vehicle, link)
-        link_s = link.one_way_s if link.one_way_s is not None else max(self._config.follow.lead_s - TICK_S / 2, 0.0)
-        budget = self._budget(now_s, link_s)
-        target = self.sight.estimator.predict(now_s + link_s + TICK_S / 2)
+        budget = self._latency.answered(now_s, link.one_way_s)
+        if budget is not None:
+            self._inputs = replace(self._inputs, latency_s=budget.total_s)
+        target = self.sight.estimator.predict(now_s + self._latency.link_s + TICK_S / 2)
         candidate = self._candidate(target, vehicle, now_s)
         acts, self._acts = self._acts, set()
         inputs = replace(
-            self._inputs,
-            vehicle=vehicle,
-            distance_known=candidate is not None or target is None,
-            attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
-            outside_fence=self._is_outside(vehicle),
-            audit_ok=self.audit_ok,
+            self._as_of(now_s, vehicle, candidate is not None or target is None),
             select=Act.SELECT in acts,
             confirm=Act.CONFIRM in acts,
             abort=Act.ABORT in acts,
@@ -190,15 +186,6 @@ class FollowControl:
         self._previous = setpoint
         gimbal = self._point(output, target, vehicle, now_s)
         return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget)
-
-    def _budget(self, now_s: float, link_s: float) -> Budget | None:
-        """Of the picture that this tick is the first to answer."""
-        seen, self._unanswered = self._unanswered, None
-        if seen is None:
-            return None
-        budget = Budget.of(seen, now_s, link_s)
-        self._inputs = replace(self._inputs, latency_s=budget.total_s)
-        return budget
 
     def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
         """What this tick tells about ourselves and the link."""
@@ -276,14 +263,7 @@ class FollowControl:
         """Everything that would keep a confirmation from being accepted now."""
         target = self.sight.estimator.predict(now_s)
         known = self._candidate(target, vehicle, now_s) is not None
-        inputs = replace(
-            self._inputs,
-            vehicle=vehicle,
-            distance_known=known or target is None,
-            attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
-            outside_fence=self._is_outside(vehicle),
-            audit_ok=self.audit_ok,
-        )
+        inputs = self._as_of(now_s, vehicle, known or target is None)
         causes = [cause.value for cause in refusals(inputs, now_s, self._config.engagement)]
         if self._config.limits.fence.polygon_deg:
             causes.append(self.fence_problem)
@@ -307,5 +287,13 @@ class FollowControl:
             self.confirm_problem = str(error)
             return None
 
-    def _is_outside(self, vehicle: VehicleState) -> bool:
-        return outside(vehicle.position_ned_m, vehicle.height_m, self._config.limits)
+    def _as_of(self, now_s: float, vehicle: VehicleState, distance_known: bool) -> Inputs:
+        """What was gathered, with what the vehicle and the operator's settings say now."""
+        return replace(
+            self._inputs,
+            vehicle=vehicle,
+            distance_known=distance_known,
+            attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
+            outside_fence=outside(vehicle.position_ned_m, vehicle.height_m, self._config.limits),
+            audit_ok=self.audit_ok,
+        )

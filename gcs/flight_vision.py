@@ -9,13 +9,16 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
+from control.image_rotation import Flow
 from gcs.clock import Clock
 from gcs.tracking import BoxTracker
 from gcs.video import Frame, VideoSource
+from gcs.video.flow import BackgroundFlow
 from gcs.video.frame import Image
 from tracker.box import Box, TrackResult
 
@@ -34,7 +37,8 @@ class Seen:
 
     selection: which selection it belongs to, counted from 1; 0 = nothing is selected.
     result: None where nothing is tracked, the video stands still, or the tracker failed (`problem`).
-    track_s: time the tracker took. t_done_s: when the result was there (monotonic).
+    track_s: time the tracker took. t_done_s: when the result was there (monotonic). flow: how the background has
+    moved since the picture before, where that can be told.
     """
 
     frame: Frame
@@ -45,6 +49,7 @@ class Seen:
     frozen: bool = False
     problem: str | None = None
     repeated: bool = False  # the same picture as the last: it tells nothing new, whatever the tracker says
+    flow: Flow | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +91,11 @@ class Vision:
         clock: Clock,
         deliver: Callable[[Seen], None],
         expect: Expect | None = None,
+        correction_s: Callable[[], float] = lambda: 0.0,
     ) -> None:
+        """correction_s: what capture times are too late by, asked at every frame on the vision thread."""
+        self._correction_s = correction_s
+        self._background = BackgroundFlow()
         self._source = source
         self._tracker = tracker
         self._clock = clock
@@ -111,6 +120,7 @@ class Vision:
     def step(self, frame: Frame) -> Seen:
         """Track in one frame; what `run` does for each. Only one thread may call it."""
         t_start_s = self._clock.now_s()
+        frame = replace(frame, t_capture_s=frame.t_capture_s - self._correction_s())
         frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
         with self._lock:
             asked, self._asked = self._asked, None
@@ -121,10 +131,19 @@ class Vision:
         except Exception as error:  # the edge of the tracker's thread: out of memory, a fault of torch
             log.exception("tracker")
             return self._failed(frame, asked, f"the tracker failed: {type(error).__name__}")
+        flow = None if self._still.repeats else self.flow(frame, result.box if result is not None else None)
         now_s = self._clock.now_s()
         if frozen:
             return Seen(frame, self._tracking, None, now_s, now_s - t_start_s, True, "the picture stands still")
-        return Seen(frame, self._tracking, result, now_s, now_s - t_start_s, repeated=self._still.repeats)
+        repeats, took_s = self._still.repeats, now_s - t_start_s
+        return Seen(frame, self._tracking, result, now_s, took_s, repeated=repeats, flow=flow)
+
+    def flow(self, frame: Frame, target: Box | None) -> Flow | None:
+        """How the background has moved since the frame before; target: where the target is now, or was last seen."""
+        try:
+            return self._background.update(frame.image_bgr, frame.t_arrival_s, target)
+        except cv2.error:  # no reason to see nothing
+            return None
 
     def _track(self, frame: Frame, asked: _Selection | None) -> TrackResult | None:
         if asked is not None:

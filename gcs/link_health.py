@@ -16,13 +16,14 @@ _FOREIGN_S: Final = 5.0
 class LinkHealth:
     """lossy: more than a fifth of the telemetry of the last two seconds is missing. echo: the newest.
 
-    unheard: the vehicle has stopped to answer.
+    unheard: the vehicle has stopped to answer. one_way_s: a message takes so long; None: it never answered.
     """
 
     lossy: bool = False
     foreign_station: bool = False
     echo: SetpointEcho | None = None
     unheard: bool = False
+    one_way_s: float | None = None
 
 
 def link_health(wire: Wire, telemetry: Telemetry, now_s: float) -> LinkHealth:
@@ -32,4 +33,5 @@ def link_health(wire: Wire, telemetry: Telemetry, now_s: float) -> LinkHealth:
         foreign_station=any(now_s - t_s < _FOREIGN_S for t_s in telemetry.foreign_stations.values()),
         echo=telemetry.setpoint_echo,
         unheard=telemetry.round_trip.is_unheard(now_s),
+        one_way_s=telemetry.round_trip.one_way_s,
     )

@@ -125,6 +125,8 @@ class Telemetry:
         match message.get_type():
             case "ATTITUDE" if self._state.attitude_t_s == t_s:
                 state = self._state
+                # Pictures and attitude must be of one clock: what is heard now was so a way of the link ago.
+                t_s -= self.round_trip.one_way_s or 0.0
                 self.attitude.add(t_s, state.roll_rad, state.pitch_rad, state.yaw_rad)
             case "LOCAL_POSITION_NED" if self._state.position_t_s == t_s:
                 self._local_t_s = t_s

@@ -24,22 +24,28 @@ class Frame:
 
     seq: counts every decoded frame of the source from 0, so a gap tells how many a slow reader missed.
     image_bgr: (height, width, 3) uint8; the receiver must not write into it.
-    t_capture_s: when the light fell on the sensor; t_arrival_s: when the picture was here. For live sources
-    both are on the monotonic clock, for recorded ones both are the video's own time from 0.
+    t_capture_s: when the light fell on the sensor; t_arrival_s: when the encoded picture was here, or where the
+    decoder cannot tell, the decoded one. For live sources both are on the monotonic clock, for recorded ones both
+    are the video's own time from 0. decode_s: from arrival to the decoded picture.
     """
 
     seq: int
     image_bgr: Image
     t_capture_s: float
     t_arrival_s: float
+    decode_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """One picture as a decoder gives it; pts_s: time in the video (s), None where it knows none."""
+    """One picture as a decoder gives it.
+
+    pts_s: time in the video (s), None where it knows none. decode_s: since its last byte was here, as far as known.
+    """
 
     image_bgr: Image
     pts_s: float | None = None
+    decode_s: float = 0.0
 
 
 class Decoder(Protocol):

@@ -114,8 +114,8 @@ class LiveSource:
             self._publish(decoded)
 
     def _publish(self, decoded: Decoded) -> None:
-        now_s = self._clock()
-        frame = Frame(self._next_seq, decoded.image_bgr, now_s - self._glass_delay_s, now_s)
+        arrival_s = self._clock() - decoded.decode_s
+        frame = Frame(self._next_seq, decoded.image_bgr, arrival_s - self._glass_delay_s, arrival_s, decoded.decode_s)
         self._next_seq += 1
         with self._changed:
             self._slot = frame

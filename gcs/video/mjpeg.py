@@ -6,6 +6,7 @@ FFmpeg hands a part out only when the next one has begun, a whole frame late; th
 from __future__ import annotations
 
 import base64
+import time
 import urllib.error
 import urllib.request
 from http.client import HTTPException
@@ -69,11 +70,12 @@ class MjpegDecoder:
         if size is None:
             return None
         check_size(self._name, *size)
+        start_s = time.monotonic()
         try:
             image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
         except cv2.error:
             return None
-        return None if image is None else Decoded(np.asarray(image, dtype=np.uint8))
+        return None if image is None else Decoded(np.asarray(image, np.uint8), decode_s=time.monotonic() - start_s)
 
     def _read_part(self) -> bytes | None:
         """The bytes of the next part, None at the end of the stream."""

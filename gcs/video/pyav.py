@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from importlib.util import find_spec
 from typing import Any
 
@@ -49,6 +50,7 @@ class AvDecoder:
         self._stream.codec_context.thread_count = 1
         self._packets = iter(self._container.demux(self._stream))
         self._waiting: list[Any] = []
+        self._arrived_s = 0.0  # the packet that gave them
 
     def _video_stream(self) -> Any:
         streams = self._container.streams.video
@@ -71,13 +73,15 @@ class AvDecoder:
                 return None
         frame = self._waiting.pop(0)
         check_size(self._name, frame.width, frame.height)
-        return Decoded(np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8), frame.time)
+        image_bgr = np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
+        return Decoded(image_bgr, frame.time, time.monotonic() - self._arrived_s)
 
     def _decode_packet(self) -> bool:
         """Decode until a packet gives frames; False at the end. Raises VideoError on a run of bad packets."""
         for _ in range(MAX_BAD_PACKETS):
             try:
                 packet = next(self._packets)
+                self._arrived_s = time.monotonic()
                 self._waiting = list(packet.decode())
                 return True
             except (StopIteration, self._av.EOFError):
