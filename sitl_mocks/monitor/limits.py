@@ -8,6 +8,7 @@ from enum import Enum
 
 Vec3 = tuple[float, float, float]
 
+SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
 SET_MODE, ARM, TAKEOFF, TERMINATE, REBOOT = 176, 400, 22, 185, 246
 
 
@@ -50,6 +51,7 @@ class MonitorLimits:
     yaw_rate_max_rps: float = math.radians(120)
     accel_max_mps2: float = 4.0
     yaw_accel_max_rps2: float = math.radians(200)
+    gimbal_rate_max_rps: float = math.radians(180)
     mode_grace_s: float = 1.1  # one heartbeat of PX4
     priming_s: float = 3.0  # zero setpoints before external mode: PX4 wants them first
     fence_radius_m: float | None = None  # round home

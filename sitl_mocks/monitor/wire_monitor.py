@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,11 +10,21 @@ from typing import Any
 from sitl_mocks.monitor import frames
 from sitl_mocks.monitor.availability import Availability
 from sitl_mocks.monitor.engagement import Engagement
-from sitl_mocks.monitor.limits import SET_MODE, MonitorLimits, Reason, Rule, Truth
+from sitl_mocks.monitor.gimbal import bad_rates, rates_rps, turning
+from sitl_mocks.monitor.limits import (
+    REQUEST_MESSAGE,
+    SET_MESSAGE_INTERVAL,
+    SET_MODE,
+    MonitorLimits,
+    Reason,
+    Rule,
+    Truth,
+)
 from sitl_mocks.monitor.place import why_outside
 from sitl_mocks.monitor.setpoints import SILENCE_S, Seen, bad_values, steps
 
 _KEPT_REASONS = 200
+_ASKING = (REQUEST_MESSAGE, SET_MESSAGE_INTERVAL)  # may be asked of any component
 
 
 @dataclass(slots=True)
@@ -171,17 +182,28 @@ class WireMonitor:
 
     # -- everything else ----------------------------------------------------------------------------------
 
-    def _check_target(self, now_s: float, message: Any, what: str) -> None:
+    def _gimbal(self, now_s: float, message: Any, truth: Truth) -> None:
+        rates = rates_rps(message)
+        if rates is None:
+            return
+        self._hit_if(now_s, Rule.OVER_LIMIT, bad_rates(rates, self.limits))
+        left_s = -math.inf if self._left_external_s is None else self._left_external_s
+        if turning(rates) and not truth.external and now_s - left_s > self.limits.mode_grace_s:
+            self._hit(now_s, Rule.NOT_EXTERNAL, "the gimbal is turned while the vehicle is not in external mode")
+
+    def _check_target(self, now_s: float, message: Any, what: str, *, any_component: bool = False) -> None:
         system, component = message.target_system, getattr(message, "target_component", self.limits.component_id)
-        if system != self.limits.system_id or component != self.limits.component_id:
+        wrong = component != self.limits.component_id and not any_component
+        if system != self.limits.system_id or wrong:
             self._hit(now_s, Rule.WRONG_TARGET, f"{what} to system {system}, component {component}")
 
     def _other(self, now_s: float, number: int, message: Any, truth: Truth) -> None:
         command = message.command if number in (frames.COMMAND_INT, frames.COMMAND_LONG) else None
         if number in frames.OTHER_SETPOINTS:
             self._hit(now_s, Rule.OVER_LIMIT, f"a {message.get_type()} instead of a velocity")
+        self._gimbal(now_s, message, truth)
         if command is not None:
-            self._check_target(now_s, message, f"command {command}")
+            self._check_target(now_s, message, f"command {command}", any_component=command in _ASKING)
         if command == SET_MODE or number == frames.MODE:
             self._mode_request(now_s, truth)
         following = self.engagement.following or self.phase == "follow"
