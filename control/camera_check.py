@@ -5,11 +5,15 @@ camera as configured), with it (mirrored, or upside down), not at all (held stil
 (on its side). All filters are of one kind, so that the target's own movement surprises them alike; only the
 vehicle's turning tells them apart. Wald's sequential probability ratio test says when that is enough, and it
 holds while the vehicle's turning follows from what was seen, as it does here.
+
+On a gimbal that is known it is the gimbal's turning that counts. As that keeps the target in the middle, a picture
+that stands still says nothing there, and only a mirrored or inverted one is looked for.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from enum import Enum
 from typing import Final
 
@@ -26,6 +30,7 @@ _WORST_ERROR: Final = 16.0  # squared and by its variance; no single picture dec
 _PICTURES: Final = 10.0  # over so many errors are averaged
 _ENOUGH: Final = 12.0  # logarithm of the odds: one wrong verdict in a hundred thousand
 _ENOUGH_TURN_RAD: Final = 0.1
+_MIRRORED: Final = ((1.0, 0.0),)
 _MOST_GAP_S: Final = 0.5  # after a longer pause the filters begin anew; what they have shown stays
 
 
@@ -69,8 +74,8 @@ class _Filter:
 class _Channel:
     """An angle in the picture, and how well each gain foretells it."""
 
-    def __init__(self, std_rad: float) -> None:
-        self._filters = {gain: _Filter(gain, std_rad) for gain in (-1.0, 0.0, 1.0)}
+    def __init__(self, std_rad: float, gains: Iterable[float]) -> None:
+        self._filters = {gain: _Filter(gain, std_rad) for gain in gains}
 
     def saw(self, angle_rad: float, yaw_rad: float, dt_s: float) -> dict[float, float]:
         """Minus the logarithm of each gain's likelihood, but for what all have in common.
@@ -89,15 +94,17 @@ class _Channel:
 class CameraCheck:
     """Give it every accepted bearing of one target. A verdict, once there, stays until `reset`."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, on_gimbal: bool = False) -> None:
+        # By the gains across and upwards: mirrored or upside down, on a gimbal, rolled one way and the other.
+        self._wrong = _MIRRORED if on_gimbal else (*_MIRRORED, (0.0, 0.0), (0.0, 1.0), (0.0, -1.0))
         self.reset()
 
     def reset(self) -> None:
         """Another target: nothing is known."""
         self.verdict = Verdict.OPEN
-        self._across, self._upward = _Channel(_ACROSS_STD_RAD), _Channel(_UPWARD_STD_RAD)
-        # By the gains across and upwards: mirrored or upside down, on a gimbal, rolled one way and the other.
-        self._odds = {(1.0, 0.0): 0.0, (0.0, 0.0): 0.0, (0.0, 1.0): 0.0, (0.0, -1.0): 0.0}
+        self._across = _Channel(_ACROSS_STD_RAD, {-1.0} | {wrong[0] for wrong in self._wrong})
+        self._upward = _Channel(_UPWARD_STD_RAD, {0.0} | {wrong[1] for wrong in self._wrong})
+        self._odds = dict.fromkeys(self._wrong, 0.0)
         self._t_s = -math.inf
         self._yaw_rad = 0.0
         self._turned_rad = self._least_rad = self._most_rad = 0.0  # while bearings came
@@ -108,7 +115,7 @@ class CameraCheck:
         return max(self._odds.values())
 
     def saw(self, bearing: BearingMeasurement, yaw_rad: float) -> Verdict:
-        """A bearing, and the vehicle's yaw (rad) at its capture time."""
+        """A bearing, and the yaw (rad) of vehicle or gimbal at its capture time."""
         dt_s = bearing.t_capture_s - self._t_s
         if self.verdict is not Verdict.OPEN or dt_s <= 0:
             return self.verdict

@@ -14,11 +14,14 @@ from gcs.flight_vision import Seen
 class Sight:
     """Give it every frame the tracker has been through; ask `estimator` for the target at any time."""
 
-    def __init__(self, config: EstimatorConfig, camera: CameraModel, attitude: AttitudeBuffer) -> None:
+    def __init__(
+        self, config: EstimatorConfig, camera: CameraModel, attitude: AttitudeBuffer, *, on_gimbal: bool = False
+    ) -> None:
+        """attitude: what the camera's mount is fixed to, the vehicle or (on_gimbal) the gimbal."""
         self.camera = camera
         self.attitude = attitude
         self.estimator = TargetEstimator(config)
-        self._camera_check = CameraCheck()
+        self._camera_check = CameraCheck(on_gimbal=on_gimbal)
 
     def reset(self) -> None:
         """Another target, or none: what was known of it is forgotten."""
