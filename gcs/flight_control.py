@@ -7,8 +7,7 @@ reads a clock, so a flight can be flown again from its log.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from typing import assert_never
 
 from control.attitude import AttitudeBuffer
@@ -17,54 +16,23 @@ from control.config import ControlConfig
 from control.engagement import Action, Engagement, Inputs, Output, State
 from control.follow import FollowState, follow_request
 from control.gate import TICK_S, Setpoint, gate
-from control.gate_limits import outside
 from control.gimbal import GimbalRequest, GimbalState, Pointing
 from control.limits import after_setpoint, priming_request, zero_request
-from control.modes import Confirmation, ConfirmError, FollowMode, confirm
+from control.modes import Confirmation, ConfirmError, confirm
+from control.overrun import leaves_fence
 from control.preflight import refusals
 from control.ranging import lead_range
 from control.setpoint_echo import EchoMonitor
-from control.types import BearingMeasurement, Reason, TargetState, VehicleMode, VehicleState, VelocityRequest
+from control.types import BearingMeasurement, TargetState, VehicleMode, VehicleState, VelocityRequest
 from gcs.flight_sight import Sight
 from gcs.flight_vision import Seen
-from gcs.latency_budget import Budget, LatencyMeter
+from gcs.latency_budget import LatencyMeter
 from gcs.link_health import LinkHealth
+from gcs.tick import Act, Tick, Wanted
+
+__all__ = ["Act", "FollowControl", "Tick", "Wanted"]
 
 Law = Callable[..., tuple[VelocityRequest, FollowState]]  # as `follow_request`
-
-
-class Act(Enum):
-    """What the operator did since the last tick."""
-
-    SELECT = "select"
-    CONFIRM = "confirm"
-    ABORT = "abort"
-    ACKNOWLEDGE = "acknowledge"
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What a confirmation asks for; None: the distance of that moment, told by height and view angle."""
-
-    mode: FollowMode = FollowMode.FOLLOW
-    standoff_m: float | None = None
-    distance_m: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """One 20 Hz decision, complete: what a replay must reproduce."""
-
-    t_s: float
-    inputs: Inputs
-    output: Output
-    target: TargetState | None
-    request: VelocityRequest | None
-    setpoint: Setpoint | None
-    gate: Reason
-    camera: GimbalState | None = None  # where it looks, if it is on a gimbal and that is known
-    gimbal: GimbalRequest | None = None  # None: there is none, or nobody is followed
-    budget: Budget | None = None  # of the newest picture, in the first tick that knows of it
 
 
 class FollowControl:
@@ -79,7 +47,7 @@ class FollowControl:
         self.gimbal: GimbalState | None = None  # as of the next tick
         self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
         self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
-        self.sight = Sight(config.estimator, camera, attitude)
+        self.sight = Sight(config.estimator, camera, attitude, on_gimbal=on_gimbal)
         self._engagement = Engagement(config.engagement)
         self._echo = EchoMonitor()
         self._last_tick_s: float | None = None
@@ -93,6 +61,7 @@ class FollowControl:
         self._engaged = False
         self.wanted = Wanted()
         self.law: Law = follow_request  # another one to measure this one against
+        self.steers = True  # False: the vehicle flies by its own follow mode, a setpoint only permits it
         self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
         self.confirmation: Confirmation | None = None
 
@@ -182,10 +151,12 @@ class FollowControl:
         if setpoint is not None:
             shaping = after_setpoint(self._follow.shaping, setpoint.velocity_ned_mps, setpoint.yaw_rate_rps)
             self._follow = replace(self._follow, shaping=shaping)
-            self._echo.sent(now_s, setpoint.velocity_ned_mps)
+            if self.steers:
+                self._echo.sent(now_s, setpoint.velocity_ned_mps)
         self._previous = setpoint
         gimbal = self._point(output, target, vehicle, now_s)
-        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget)
+        motion = self._follow.motion
+        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget, motion)
 
     def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
         """What this tick tells about ourselves and the link."""
@@ -294,6 +265,6 @@ class FollowControl:
             vehicle=vehicle,
             distance_known=distance_known,
             attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
-            outside_fence=outside(vehicle.position_ned_m, vehicle.height_m, self._config.limits),
+            outside_fence=leaves_fence(vehicle, self._config.limits, steered=self.steers),
             audit_ok=self.audit_ok,
         )
