@@ -99,7 +99,7 @@ def _preselect(orders: Orders, box: Box | None, screen: Screen) -> tuple[asyncio
 
 def open_live(address: str, config: Config) -> VideoSource:
     """The video of a flight; recorded video is refused, because what it shows is not where the vehicle is."""
-    source = open_source(address, glass_delay_s=config.camera.glass_delay_s, reconnect=config.video.reconnect)
+    source = open_source(address, glass_delay_s=config.camera.assumed_glass_delay_s, reconnect=config.video.reconnect)
     if not source.is_live:
         source.close()
         raise VideoError(f"{address} is recorded video, which can never fly a vehicle; use `gcs dryrun`")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from control.camera import CameraModel
 from control.config import ControlConfig
+from control.latency import PRIOR_S
 from gcs.audit import KNOWN
 from gcs.config_yaml import load_dataclass
 from gcs.errors import ConfigError
@@ -62,7 +63,8 @@ class CameraConfig:
     """Lens and mount. Either hfov_deg, or fx_px and the rest of a calibration made at width_px by height_px.
 
     mount_rpy_deg: roll, pitch, yaw of the camera in the vehicle; pitch below zero looks down.
-    glass_delay_s: from light on the sensor to the decoded frame here.
+    glass_delay_s: from light on the sensor to the picture's arrival here; null is estimated in flight, from how the
+    picture turns as the vehicle does, beginning at 0.1 s.
     """
 
     hfov_deg: float = _ranged(5.0, 70.0, 170.0)
@@ -76,13 +78,18 @@ class CameraConfig:
         default=(0.0, 0.0, 0.0, 0.0, 0.0), metadata={"low": -10.0, "high": 10.0}
     )
     mount_rpy_deg: Triple = field(default=(0.0, 0.0, 0.0), metadata={"low": -180.0, "high": 180.0})
-    glass_delay_s: float = _ranged(0.0, 0.0, 2.0)
+    glass_delay_s: float | None = _optional(0.0, 2.0)
 
     def __post_init__(self) -> None:
         if self.fx_px is None and any(v is not None for v in (self.fy_px, self.cx_px, self.cy_px)):
             raise ValueError("fx_px must be given with fy_px, cx_px or cy_px")
         if self.fx_px is not None and (self.width_px is None or self.height_px is None):
             raise ValueError("fx_px needs width_px and height_px, the picture size of the calibration")
+
+    @property
+    def assumed_glass_delay_s(self) -> float:
+        """What to begin with."""
+        return PRIOR_S if self.glass_delay_s is None else self.glass_delay_s
 
     def model(self, width_px: int, height_px: int) -> CameraModel:
         """The camera for pictures of this size; a calibration is scaled to it.

@@ -91,7 +91,7 @@ def run(
     truth = read_boxes(options.truth) if options.truth else None
     source = open_source(
         options.video,
-        glass_delay_s=options.config.camera.glass_delay_s,
+        glass_delay_s=options.config.camera.assumed_glass_delay_s,
         fps=options.config.video.fps,
         reconnect=False,
     )

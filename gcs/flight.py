@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections import deque
 from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from control.camera import CameraModel
@@ -40,7 +39,10 @@ from gcs.flight_view import (
     status_line,
 )
 from gcs.flight_vision import Seen, Vision
+from gcs.frame_rate import FrameRate
 from gcs.gimbal import Gimbal
+from gcs.glass_delay import GlassDelay
+from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
@@ -50,7 +52,6 @@ from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _LEAVING_ZEROS: Final = 3
-_FPS_FRAMES: Final = 20
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
 
@@ -90,7 +91,9 @@ class Flight:
             self.gimbal = Gimbal(link.wire, clock, attitude, config.gimbal.device_id)
             attitude = self.gimbal.attitude
         self.control = FollowControl(config.control, self.camera, attitude, on_gimbal=config.gimbal.enabled)
-        self.vision = Vision(source, tracker, clock, self._deliver, self._expected)
+        self.glass = GlassDelay(config.camera.glass_delay_s, self.camera, attitude)
+        self.vision = Vision(source, tracker, clock, self._deliver, self._expected, self.glass.correction_s)
+        self._budgets = BudgetDisplay()
         self.tick: Tick | None = None
         self.seen: Seen | None = None
         self._source = source
@@ -103,7 +106,7 @@ class Flight:
         self._modes = ModeSwitch(link.modes, say)
         accepted = config.vehicle.accept_parameters
         self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
-        self._frame_times_s: deque[float] = deque(maxlen=_FPS_FRAMES)
+        self._rate = FrameRate()
         self._settled_s = clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, say, clock.now_s())
 
@@ -172,6 +175,8 @@ class Flight:
         if self.gimbal is not None:
             self.gimbal.step(now_s, tick.gimbal)
         self.tick = tick
+        if tick.budget is not None:
+            self._budgets.note(now_s, tick.budget)
         if self._spawn is not None:
             self._modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
         self._announcer.ticked(tick)
@@ -223,9 +228,11 @@ class Flight:
     def saw(self, seen: Seen) -> None:
         """Take a frame that has been through the tracker, on the event loop."""
         now_s = self.clock.now_s()
+        if seen.flow is not None:
+            self.glass.saw(seen.flow)
         measurement = self.control.saw(seen, now_s)
         self.seen = seen
-        self._frame_times_s.append(seen.t_done_s)
+        self._rate.note(seen.t_done_s)
         if self.watchers:
             predicted = self.predicted_at(seen.frame.t_capture_s, seen.result.box) if seen.result is not None else None
             sighting = Sighting(seen, self.status(), measurement, predicted)
@@ -272,18 +279,16 @@ class Flight:
 
     def status(self) -> Status:
         """The state of everything, now."""
-        times = self._frame_times_s
-        span_s = times[-1] - times[0] if len(times) > 1 else 0.0
-        fps = (len(times) - 1) / span_s if span_s > 0 else 0.0
         confirmation = self.control.confirmation if self.control.is_engaged else None
         vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
         now_s = self.clock.now_s()
         warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
         if self.gimbal is not None and now_s > self._settled_s:
             warnings += self.gimbal.warnings(now_s)
-        return make_status(
-            now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link_summary(self.link.wire, now_s)
-        )
+        warnings += self.glass.warnings()
+        link, fps = link_summary(self.link.wire, now_s), self._rate.fps
+        status = make_status(now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link)
+        return replace(status, budget=self._budgets.at(now_s), glass_delay=self.glass.estimate)
 
     def status_line(self) -> str:
         """The same in one line."""

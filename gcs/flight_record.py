@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from control.latency import DelayEstimate
 from control.types import BearingMeasurement
 from gcs.audit import Audit
 from gcs.config import RecorderConfig
@@ -34,6 +35,9 @@ class FrameRecord:
     measurement: BearingMeasurement | None
     frozen: bool
     problem: str | None
+    decode_s: float
+    track_s: float
+    glass_delay: DelayEstimate  # what the pictures tell; what is used is the difference of the first two times
 
 
 class FlightRecorder:
@@ -66,7 +70,8 @@ class FlightRecorder:
         if self._messages is not None:
             record = FrameRecord(
                 frame.t_capture_s, frame.t_arrival_s, seen.t_done_s, seen.selection, seen.result,
-                sighting.measurement, seen.frozen, seen.problem,
+                sighting.measurement, seen.frozen, seen.problem, frame.decode_s, seen.track_s,
+                sighting.status.glass_delay,
             )  # fmt: skip
             self._messages.write(seen.t_done_s, record, frame.seq)
         if self._video is not None:

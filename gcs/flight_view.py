@@ -12,6 +12,7 @@ from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, box_of
 from control.config import FollowConfig
 from control.engagement import State
+from control.latency import UNKNOWN, DelayEstimate
 from control.modes import Confirmation, ground_distance_m
 from control.motion import distance_m
 from control.types import BearingMeasurement, TargetState, VehicleState
@@ -19,6 +20,7 @@ from gcs import hud
 from gcs.audit import Audit
 from gcs.flight_control import Tick
 from gcs.flight_vision import Seen
+from gcs.latency_budget import Budget
 from gcs.telemetry import LINK_LOST_S, Telemetry
 from gcs.wire import Wire
 from tracker.box import Box
@@ -49,11 +51,12 @@ class Status:
     confidence: float | None
     distance_m: float | None
     standoff_m: float | None
-    latency_s: float | None
     video_fps: float
     limited_by: tuple[str, ...]
     warnings: tuple[str, ...] = ()
     link: str = ""
+    budget: Budget | None = None  # from light to command, over the last second
+    glass_delay: DelayEstimate = UNKNOWN
 
     @property
     def headline(self) -> str:
@@ -75,8 +78,8 @@ def status_line(status: Status) -> str:
     if status.distance_m is not None:
         wanted = f"/{status.standoff_m:.1f}" if status.standoff_m is not None else ""
         parts.append(f"dist {status.distance_m:.1f}{wanted} m")
-    if status.latency_s is not None:
-        parts.append(f"{status.latency_s * 1000:.0f} ms")
+    if status.budget is not None:
+        parts.append(str(status.budget))
     parts.append(f"{status.video_fps:.0f} fps")
     if status.link:
         parts.append(status.link)
@@ -123,7 +126,7 @@ def make_status(
 ) -> Status:
     """The status after this tick."""
     if tick is None:
-        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, None, video_fps, (), warnings, link)
+        return Status(now_s, State.NO_VIDEO, False, (), vehicle, None, None, None, video_fps, (), warnings, link)
     tracked = tick.inputs.selected and tick.inputs.latency_s is not None
     return Status(
         t_s=now_s,
@@ -134,7 +137,6 @@ def make_status(
         confidence=tick.inputs.confidence if tracked else None,
         distance_m=_distance_m(tick.target, vehicle, confirmation, follow) if tracked else None,
         standoff_m=confirmation.standoff_m if confirmation is not None else None,
-        latency_s=tick.inputs.latency_s,
         video_fps=video_fps,
         limited_by=tick.request.limited_by if tick.request is not None else (),
         warnings=warnings,
@@ -196,6 +198,8 @@ def overlay(sighting: Sighting, watermark: str | None) -> hud.Overlay:
         lines.append("; ".join(status.reasons))
     if status.limited_by:
         lines.append("limited: " + ", ".join(status.limited_by))
+    if status.budget is not None:
+        lines.append(f"{status.budget.parts_ms} ms")
     error_m = None
     if status.distance_m is not None and status.standoff_m is not None:
         error_m = status.distance_m - status.standoff_m
@@ -207,7 +211,7 @@ def overlay(sighting: Sighting, watermark: str | None) -> hud.Overlay:
         confidence=result.confidence if result is not None else None,
         distance_m=status.distance_m,
         standoff_error_m=error_m,
-        latency_s=status.latency_s,
+        latency_s=status.budget.total_s if status.budget is not None else None,
         watermark=watermark,
         lines=tuple(lines),
     )

@@ -7,7 +7,7 @@ from typing import Final
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel
 from control.image_rotation import Flow
-from control.latency import DelayEstimate, GlassDelayEstimator
+from control.latency import PRIOR_S, DelayEstimate, GlassDelayEstimator
 
 _SLEW: Final = 0.05  # s per second: the target filter must not be torn
 _DIFFERENCE_S: Final = 0.06
@@ -15,15 +15,16 @@ _LASTING_S: Final = 3.0
 
 
 class GlassDelay:
-    """Give it the background's flow of every picture. given_s: None means to be estimated.
+    """Give it the background's flow of every picture. given_s: None means to be estimated, from PRIOR_S on.
 
-    assumed_s: what the video source takes it for. used_s: what is believed now. `correction_s` of any thread.
+    used_s: what is believed now. The video source takes off what it begins with; what is left is `correction_s`,
+    which any thread may ask for.
     """
 
-    def __init__(self, given_s: float | None, assumed_s: float, camera: CameraModel, attitude: AttitudeBuffer) -> None:
+    def __init__(self, given_s: float | None, camera: CameraModel, attitude: AttitudeBuffer) -> None:
         self._given_s = given_s
         self._estimator = GlassDelayEstimator(camera, attitude)
-        self._assumed_s = self.used_s = assumed_s
+        self._assumed_s = self.used_s = PRIOR_S if given_s is None else given_s
         self._differs_since_s: float | None = None
         self._t_s = 0.0
 
@@ -50,11 +51,10 @@ class GlassDelay:
             most_s = _SLEW * (flow.to_t_s - flow.from_t_s)
             self.used_s += min(max(error_s, -most_s), most_s)
 
-    @property
-    def warning(self) -> str | None:
+    def warnings(self) -> tuple[str, ...]:
         """Where the given delay is not what is seen."""
         since_s = self._differs_since_s
         if since_s is None or self._t_s - since_s < _LASTING_S:
-            return None
+            return ()
         seen_ms, given_ms = self.estimate.delay_s * 1000, self.used_s * 1000
-        return f"the picture is {seen_ms:.0f} ms old when it arrives, not {given_ms:.0f} as camera.glass_delay_s says"
+        return (f"pictures are {seen_ms:.0f} ms old when they arrive, not {given_ms:.0f} as camera.glass_delay_s says",)

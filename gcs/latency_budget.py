@@ -45,13 +45,17 @@ class Budget:
         """Glass to command."""
         return self.glass_s + self.decode_s + self.wait_s + self.track_s + self.control_s + self.link_s
 
-    def __str__(self) -> str:
+    @property
+    def parts_ms(self) -> str:
+        """Each by its name, in ms."""
         parts = (
             ("glass", self.glass_s), ("decode", self.decode_s), ("wait", self.wait_s),
             ("tracker", self.track_s), ("control", self.control_s), ("link", self.link_s),
         )  # fmt: skip
-        told = ", ".join(f"{name} {seconds * 1000:.0f}" for name, seconds in parts)
-        return f"latency {self.total_s * 1000:.0f} ms ({told})"
+        return ", ".join(f"{name} {seconds * 1000:.0f}" for name, seconds in parts)
+
+    def __str__(self) -> str:
+        return f"latency {self.total_s * 1000:.0f} ms ({self.parts_ms})"
 
 
 class LatencyMeter:

@@ -144,7 +144,7 @@ class LockstepVision(Vision):
     def __init__(
         self, eyes: Eyes, tracker: BoxTracker, loop: LockstepLoop, flight: Flight, *, glass_delay_s: float
     ) -> None:
-        super().__init__(NoSource(eyes.lens), tracker, loop, flight.saw, flight.predicted_at)
+        super().__init__(NoSource(eyes.lens), tracker, loop, flight.saw, flight.predicted_at, flight.glass.correction_s)
         self.eyes = eyes
         self._glass_delay_s = glass_delay_s
         self._waiting: deque[tuple[float, Frame]] = deque()

@@ -41,7 +41,7 @@ _KEY, UNIX_S = bytes(range(1, 33)), 1.79e9
 _ENDED = (State.RELEASED, State.TAKEN_OVER)
 
 
-def camera_of(lens: Lens, glass_delay_s: float = GLASS_S) -> CameraConfig:
+def camera_of(lens: Lens, glass_delay_s: float | None = GLASS_S) -> CameraConfig:
     """What a station should know of this lens."""
     mount_rpy_deg = (0.0, math.degrees(lens.mount_pitch_rad), 0.0)
     return CameraConfig(hfov_deg=math.degrees(lens.hfov_rad), mount_rpy_deg=mount_rpy_deg, glass_delay_s=glass_delay_s)
@@ -137,7 +137,7 @@ class World:
         source, tracker = NoSource(setup.lens), self.eyes.tracker or ModelTracker(self.eyes, loop)
         self.flight = Flight(link, source, tracker, setup.config, loop, say=self.said.append)
         camera = setup.config.camera
-        self.vision = LockstepVision(self.eyes, tracker, loop, self.flight, glass_delay_s=camera.glass_delay_s)
+        self.vision = LockstepVision(self.eyes, tracker, loop, self.flight, glass_delay_s=camera.assumed_glass_delay_s)
         self.flight.vision = self.vision
 
     def _signing(self) -> Signing:
