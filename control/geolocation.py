@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from control.checks import vector
 from control.fence import Point
 from control.motion import TargetMotion
-from control.types import TargetState, Vec3, VehicleState
+from control.types import TargetState, Vec3
 
 # WGS84: equatorial radius (m) and first eccentricity squared.
 _RADIUS_M: Final = 6_378_137.0
@@ -51,25 +51,73 @@ def target_fix(target: TargetState, motion: TargetMotion) -> TargetFix | None:
     return fix if vector(offset) and vector(velocity) and vector(std) else None
 
 
-def from_home(fix: TargetFix, vehicle: VehicleState, now_s: float) -> Vec3:
-    """The target in NED metres from home; the vehicle's place is carried on from when it was heard to now."""
-    age_s = 0.0 if vehicle.position_t_s is None else now_s - vehicle.position_t_s
-    north, east, down = (
-        place + speed * age_s + offset
-        for place, speed, offset in zip(vehicle.position_ned_m, vehicle.velocity_ned_mps, fix.offset_ned_m, strict=True)
-    )
-    return north, east, down
+def offset_from_m(place_deg: Point, origin_deg: Point) -> Point:
+    """North and east (m) of an origin, both as latitude and longitude (deg), up to some km, not at the poles.
 
-
-def moved_deg(place_deg: Point, north_m: float, east_m: float) -> Point:
-    """Latitude and longitude (deg) so many metres from a place, up to some km, not at the poles.
-
-    Flat earth with WGS84's radii of curvature at the place: within 0.1 m for 500 m below 65 degrees of latitude.
+    Flat earth with WGS84's radii of curvature at the origin: within 0.1 m for 500 m below 65 degrees of latitude.
     """
-    latitude_rad = math.radians(place_deg[0])
+    along_m, across_m = _per_radian_m(origin_deg[0])
+    east_deg = (place_deg[1] - origin_deg[1] + 180.0) % 360.0 - 180.0
+    return math.radians(place_deg[0] - origin_deg[0]) * along_m, math.radians(east_deg) * across_m
+
+
+def moved_deg(origin_deg: Point, offset_m: Point) -> Point:
+    """The way back: latitude and longitude (deg) of what lies so far north and east (m) of an origin."""
+    along_m, across_m = _per_radian_m(origin_deg[0])
+    longitude_deg = origin_deg[1] + math.degrees(offset_m[1] / across_m)
+    return origin_deg[0] + math.degrees(offset_m[0] / along_m), (longitude_deg + 180.0) % 360.0 - 180.0
+
+
+def _per_radian_m(latitude_deg: float) -> Point:
+    """Metres in one radian of latitude and of longitude."""
+    latitude_rad = math.radians(latitude_deg)
     w2 = 1.0 - _ECCENTRICITY2 * math.sin(latitude_rad) ** 2
     across_m = _RADIUS_M / math.sqrt(w2)
-    along_m = across_m * (1.0 - _ECCENTRICITY2) / w2
-    latitude = place_deg[0] + math.degrees(north_m / along_m)
-    longitude = place_deg[1] + math.degrees(east_m / (across_m * math.cos(latitude_rad)))
-    return latitude, (longitude + 180.0) % 360.0 - 180.0
+    return across_m * (1.0 - _ECCENTRICITY2) / w2, across_m * math.cos(latitude_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """The target as it is told to the vehicle, NED metres from any fixed origin; it never jumps.
+
+    seen_velocity_ned_mps: when it was last seen; velocity_ned_mps: as told.
+    """
+
+    t_s: float
+    position_ned_m: Vec3
+    velocity_ned_mps: Vec3
+    std_ned_m: Vec3
+    seen_velocity_ned_mps: Vec3
+
+    @classmethod
+    def begin(cls, t_s: float, position_ned_m: Vec3, velocity_ned_mps: Vec3, std_ned_m: Vec3, most_mps: float) -> Aim:
+        """The first of a follow; most_mps: it is told to be no faster."""
+        velocity = _at_most(velocity_ned_mps, most_mps)
+        return cls(t_s, position_ned_m, velocity, std_ned_m, velocity)
+
+    def seen(self, t_s: float, position_ned_m: Vec3, velocity_ned_mps: Vec3, std_ned_m: Vec3, most_mps: float) -> Aim:
+        """It is seen there: what is told goes there, at most_mps at the most."""
+        step = _at_most(_minus(position_ned_m, self.position_ned_m), most_mps * max(t_s - self.t_s, 0.0))
+        return Aim.begin(t_s, _plus(self.position_ned_m, step), velocity_ned_mps, std_ned_m, most_mps)
+
+    def fading(self, t_s: float, factor: float) -> Aim:
+        """It is not seen: it goes on as it went, at so much of its speed; factor 0: it stands still."""
+        velocity = _times(self.seen_velocity_ned_mps, factor)
+        position = _plus(self.position_ned_m, _times(velocity, max(t_s - self.t_s, 0.0)))
+        return replace(self, t_s=t_s, position_ned_m=position, velocity_ned_mps=velocity)
+
+
+def _at_most(vector_: Vec3, most: float) -> Vec3:
+    return _times(vector_, min(1.0, most / max(math.hypot(*vector_), 1e-9)))
+
+
+def _plus(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return _plus(a, _times(b, -1.0))
+
+
+def _times(a: Vec3, factor: float) -> Vec3:
+    return a[0] * factor, a[1] * factor, a[2] * factor

@@ -21,6 +21,21 @@ class Home:
     altitude_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class VehiclePlace:
+    """GLOBAL_POSITION_INT, heard at t_s: degrees, and metres above mean sea level."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+    @property
+    def deg(self) -> tuple[float, float]:
+        """Latitude and longitude."""
+        return self.latitude_deg, self.longitude_deg
+
+
 class HomeFrame:
     """Where home lies in the local frame; once known it stays, unless home is moved on the ground."""
 

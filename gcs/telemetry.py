@@ -15,7 +15,7 @@ from gcs.clock import Clock
 from gcs.codec import VehicleId
 from gcs.errors import VehicleError
 from gcs.framing import Message, dialect
-from gcs.home_frame import Home, HomeFrame
+from gcs.home_frame import Home, HomeFrame, VehiclePlace
 from gcs.round_trip import RoundTrip
 from gcs.statustext import StatusText, StatusTextAssembler
 from gcs.streams import StreamKeeper
@@ -73,6 +73,7 @@ class Telemetry:
         self.intended_mode = VehicleMode.UNKNOWN  # PX4: where a failsafe would return to by itself
         self.prearm_ok: bool | None = None  # SYS_STATUS: the vehicle's own pre-arm checks
         self.home: Home | None = None  # as last told
+        self.place: VehiclePlace | None = None  # where it is on the earth
         self.home_frame = HomeFrame()
         self.setpoint_echo: SetpointEcho | None = None
         self.round_trip = RoundTrip()
@@ -132,7 +133,7 @@ class Telemetry:
                 self._local_t_s = t_s
             case "GLOBAL_POSITION_INT":
                 self._height_t_s = t_s
-                self._place(message)
+                self._place(message, t_s)
             case "STATUSTEXT":
                 self.texts.extend(self._assembler.add(message, t_s))
             case "COMMAND_ACK":
@@ -148,7 +149,9 @@ class Telemetry:
             case "TIMESYNC":
                 self.round_trip.note(message.tc1, message.ts1, t_s)
 
-    def _place(self, message: Message) -> None:
+    def _place(self, message: Message, t_s: float) -> None:
+        if (message.lat, message.lon) != (0, 0):
+            self.place = VehiclePlace(t_s, message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
         if self.home is not None and self._local_t_s is not None:
             place_deg = message.lat / 1e7, message.lon / 1e7
             local_ned_m, in_air = self._state.position_ned_m, self._state.in_air
