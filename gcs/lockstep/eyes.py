@@ -14,8 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from control.image_rotation import Flow
 from gcs.flight import Flight
 from gcs.flight_vision import Vision
+from gcs.lockstep.background import ground_motion
 from gcs.lockstep.loop import LockstepLoop
 from gcs.tracking import BoxTracker
 from gcs.video import Frame
@@ -149,6 +151,9 @@ class LockstepVision(Vision):
         self._glass_delay_s = glass_delay_s
         self._waiting: deque[tuple[float, Frame]] = deque()
         self._due_s = loop.time()
+        self._estimating = flight.config.camera.glass_delay_s is None
+        self._poses: deque[tuple[int, Pose]] = deque(maxlen=200)  # by the number of the picture
+        self._before: tuple[float, Pose] | None = None  # of the last picture that was tracked
 
     def start(self) -> None:
         """No thread."""
@@ -164,9 +169,22 @@ class LockstepVision(Vision):
         self._due_s = max(self._due_s + 1.0 / eyes.fps, now_s)
         if eyes.running:
             image = eyes.capture(target_ned_m, pose)
+            self._poses.append((eyes.pictures, pose))
             arrival_s = now_s + eyes.glass_s
             done_s = arrival_s + eyes.buffered_s + eyes.track_s
             self._waiting.append((done_s, Frame(eyes.pictures, image, arrival_s - self._glass_delay_s, arrival_s)))
+
+    def flow(self, frame: Frame, target: Box | None) -> Flow | None:
+        """Of painted pictures the real one; of the model's, only where the glass delay is to be estimated."""
+        if frame.image_bgr.shape[1] > 1:
+            return super().flow(frame, target)
+        pose = next((pose for number, pose in self._poses if number == frame.seq), None)
+        if pose is None or not self._estimating:
+            return None
+        before, self._before = self._before, (frame.t_arrival_s, pose)
+        if before is None:
+            return None
+        return Flow(before[0], frame.t_arrival_s, *ground_motion(self.eyes.lens, before[1], pose, frame.seq))
 
     def hand_over(self, now_s: float) -> None:
         """Give the program the newest picture that is through; a lost video takes along what was under way."""
