@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from control.modes import FollowMode
+from gcs.autopilot import Backend
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.cli_vehicle import with_arguments
 from gcs.clock import Clock, MonotonicClock
-from gcs.config import AutopilotChoice, Config, load
+from gcs.config import AutopilotChoice, Config, FollowChoice, load
 from gcs.dryrun_output import prepare_folder
-from gcs.errors import GcsError, VehicleError, VideoError
+from gcs.errors import ConfigError, GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_control import Wanted
 from gcs.flight_orders import Orders
@@ -57,6 +58,9 @@ def main(args: argparse.Namespace) -> int:
     video = args.video or config.video.url
     if not video:
         raise VideoError("no video: give --video URL, or video.url in the configuration")
+    if vehicle.backend is Backend.FOLLOW_TARGET and config.follow.mode is not FollowChoice.FOLLOW:
+        mode = config.follow.mode.value
+        raise ConfigError(f"the vehicle's own follow mode (--backend follow-target) cannot do follow.mode {mode}")
     options = RunOptions(
         video=video,
         vehicle=vehicle.url,
@@ -115,7 +119,9 @@ async def open_link(url: str, config: Config, clock: Clock, folder: Path | None)
         tlog.unlink(missing_ok=True)
     signing = await asyncio.to_thread(open_signing, config.vehicle.signing_key, clock)
     system_id = config.vehicle.system_id
-    wire = await Wire.open(url, clock=clock, tlog=tlog, vehicle_system_id=system_id, signing=signing)
+    wire = await Wire.open(
+        url, clock=clock, tlog=tlog, vehicle_system_id=system_id, signing=signing, backend=config.vehicle.backend
+    )
     try:
         telemetry = Telemetry(wire, clock)
         vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)

@@ -6,7 +6,8 @@ import asyncio
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from gcs.audit import RULES, Audit, Level, judge, known_name
+from gcs.audit import Audit, Level, judge, known_name, rules_of
+from gcs.autopilot import Backend
 from gcs.autopilot.parameters import read_parameters
 from gcs.clock import Clock
 from gcs.telemetry import Telemetry
@@ -31,6 +32,7 @@ class Auditor:
         accepted: Iterable[str],
         say: Callable[[str], None],
         heard: Callable[[Audit], None] = lambda audit: None,
+        backend: Backend = Backend.SETPOINTS,
     ) -> None:
         self._wire = wire
         self._telemetry = telemetry
@@ -38,7 +40,8 @@ class Auditor:
         self._accepted = frozenset(accepted)
         self._say = say
         self._heard = heard
-        self._values: dict[str, float] = {}
+        self._backend = backend
+        self.values: dict[str, float] = {}
         self._reconnects: int | None = None  # as they were when reading began; None: never read
         self._last: Audit | None = None
         self.audit: Audit | None = None  # None: not read since the vehicle was away
@@ -77,13 +80,13 @@ class Auditor:
     async def read(self) -> None:
         """Read and judge once."""
         reconnects, autopilot = self._telemetry.reconnects, self._telemetry.vehicle.autopilot.name
-        names = [rule.names for rule in RULES[autopilot]]
-        self._values = await read_parameters(self._wire, self._clock, names, self._say)
+        names = [rule.names for rule in rules_of(autopilot, self._backend)]
+        self.values = await read_parameters(self._wire, self._clock, names, self._say)
         self._reconnects = reconnects
         self._judge()
 
     def _judge(self) -> None:
-        audit = judge(self._telemetry.vehicle.autopilot.name, self._values, self._accepted)
+        audit = judge(self._telemetry.vehicle.autopilot.name, self.values, self._accepted, self._backend)
         self.audit = audit
         if audit == self._last:
             return

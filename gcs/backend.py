@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from control.gate import Setpoint
-from gcs.flight_control import Tick
+from control.camera import CameraModel
+from control.gate import Limits, Setpoint
+from gcs.autopilot import Backend
+from gcs.follow_target import FollowTargetOutput
+from gcs.telemetry import Telemetry
+from gcs.tick import Tick
 from gcs.wire import Wire
 
 
 class Output(Protocol):
     """Where `Flight` gives what it decided. Nothing leaves but by a setpoint that the gate has made."""
+
+    @property
+    def steers(self) -> bool:
+        """The setpoints themselves are sent."""
+        ...
 
     @property
     def problem(self) -> str:
@@ -44,6 +53,7 @@ class Output(Protocol):
 class SetpointOutput:
     """SET_POSITION_TARGET_LOCAL_NED: OFFBOARD or GUIDED, every tick as the gate made it."""
 
+    steers = True
     problem = decides = label = ""
 
     def __init__(self, wire: Wire) -> None:
@@ -61,3 +71,10 @@ class SetpointOutput:
     def audited(self, values: Mapping[str, float]) -> str:
         """Nothing depends on them here."""
         return ""
+
+
+def output_of(backend: Backend, wire: Wire, telemetry: Telemetry, camera: CameraModel, limits: Limits) -> Output:
+    """The way that the configuration asks for."""
+    if backend is Backend.FOLLOW_TARGET:
+        return FollowTargetOutput(wire, telemetry, camera, limits)
+    return SetpointOutput(wire)

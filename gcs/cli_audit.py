@@ -10,7 +10,7 @@ import sys
 import textwrap
 from typing import Final
 
-from gcs.audit import RULES, Audit, Level, judge
+from gcs.audit import Audit, Level, judge, rules_of
 from gcs.autopilot.parameters import read_parameters
 from gcs.cli_vehicle import with_arguments
 from gcs.clock import MonotonicClock
@@ -41,9 +41,9 @@ async def _audit(wanted: VehicleConfig) -> Audit:
         _say(f"waiting for a vehicle at {wire.url}")
         vehicle = await wire.wait_vehicle(wanted.timeout_s)
         _say(f"{vehicle}, {security(wire.signing, wire.vehicle_signs)}")
-        names = [rule.names for rule in RULES[vehicle.autopilot.name]]
+        names = [rule.names for rule in rules_of(vehicle.autopilot.name, wanted.backend)]
         values = await read_parameters(wire, clock, names, _say)
-        return judge(vehicle.autopilot.name, values, wanted.accept_parameters)
+        return judge(vehicle.autopilot.name, values, wanted.accept_parameters, wanted.backend)
     finally:
         await wire.close()
 

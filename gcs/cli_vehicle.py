@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gcs.audit import known_name
+from gcs.autopilot import Backend
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:  # `gcs --help` needs no configuration
@@ -21,6 +22,8 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
     add("--config", metavar="FILE", help="configuration (YAML); `gcs config` prints one with every key")
     add("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
     add("--signing-key", metavar="FILE", help="sign the link, and believe nothing unsigned (see `gcs keys`)")
+    text = "how a follow reaches the vehicle: by setpoints, or by its own follow mode (default: setpoints)"
+    add("--backend", choices=("setpoints", "follow-target"), help=text)
     text = "follow although `gcs audit` calls this parameter unsafe; repeat"
     add("--accept", metavar="NAME", action="append", default=[], help=text)
 
@@ -35,5 +38,6 @@ def with_arguments(vehicle: VehicleConfig, args: argparse.Namespace) -> VehicleC
         url=args.vehicle or vehicle.url,
         timeout_s=timeout_s,
         signing_key=args.signing_key or vehicle.signing_key,
+        backend=vehicle.backend if args.backend is None else Backend(args.backend),
         accept_parameters=(*vehicle.accept_parameters, *map(known_name, args.accept)),
     )

@@ -15,6 +15,7 @@ from control.camera import CameraModel
 from control.config import ControlConfig
 from control.latency import PRIOR_S
 from gcs.audit import KNOWN
+from gcs.autopilot import Backend
 from gcs.config_yaml import load_dataclass
 from gcs.errors import ConfigError
 
@@ -168,13 +169,16 @@ class VideoConfig:
 class VehicleConfig:
     """The link: URL as udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/NAME:BAUD.
 
-    system_id: null takes the first autopilot heard. timeout_s: how long to wait for it. accept_parameters: names
-    that the audit calls unsafe and you take as they are, as [COM_RC_OVERRIDE]. signing_key: the file of the key
-    (see `gcs keys`), never the key itself; null leaves the link unsigned.
+    backend: setpoints flies the vehicle in OFFBOARD or GUIDED; follow-target publishes the target to its own follow
+    mode, which then decides distance and height. system_id: null takes the first autopilot heard. timeout_s: how
+    long to wait for it. accept_parameters: names that the audit calls unsafe and you take as they are, as
+    [COM_RC_OVERRIDE]. signing_key: the file of the key (see `gcs keys`), never the key itself; null leaves the link
+    unsigned.
     """
 
     url: str = "udpin://0.0.0.0:14540"
     autopilot: AutopilotChoice = AutopilotChoice.AUTO
+    backend: Backend = Backend.SETPOINTS
     system_id: int | None = _whole(1, None, 254)
     takeoff_height_m: float = _ranged(2.0, 10.0, 100.0)
     timeout_s: float = _ranged(1.0, 15.0, 300.0)

@@ -24,6 +24,7 @@ from gcs.audit import Audit
 from gcs.auditor import Auditor
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
+from gcs.backend import output_of
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.flight_control import Act, FollowControl, Tick
@@ -44,6 +45,7 @@ from gcs.gimbal import Gimbal
 from gcs.glass_delay import GlassDelay
 from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
+from gcs.next import Next
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
@@ -101,11 +103,13 @@ class Flight:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._spawn: Spawn | None = None
         self._stopping = asyncio.Event()
-        self._ticked: set[asyncio.Future[Tick]] = set()
-        self._looked: set[asyncio.Future[Seen]] = set()
+        self._ticked: Next[Tick] = Next()
+        self._looked: Next[Seen] = Next()
         self._modes = ModeSwitch(link.modes, say)
-        accepted = config.vehicle.accept_parameters
-        self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited)
+        accepted, backend = config.vehicle.accept_parameters, config.vehicle.backend
+        self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited, backend)
+        self.output = output_of(backend, link.wire, link.telemetry, self.camera, config.control.limits)
+        self.control.steers = self.output.steers
         self._rate = FrameRate()
         self._settled_s = clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, say, clock.now_s())
@@ -162,7 +166,7 @@ class Flight:
 
     def step(self, now_s: float) -> Tick:
         """One tick: decide, send once, command the modes it asks for."""
-        self.control.audit_ok = self.auditor.ok
+        self.control.audit_ok = not self.why_unfit()
         wire, telemetry = self.link.wire, self.link.telemetry
         home = telemetry.home_frame.home
         if home is not None:
@@ -170,8 +174,7 @@ class Flight:
         if self.gimbal is not None:
             self.control.gimbal = self.gimbal.state(now_s)
         tick = self.control.tick(now_s, telemetry.vehicle_state(), link_health(wire, telemetry, now_s))
-        if tick.setpoint is not None:
-            self.link.wire.send_setpoint(tick.setpoint)
+        self.output.send(tick)
         if self.gimbal is not None:
             self.gimbal.step(now_s, tick.gimbal)
         self.tick = tick
@@ -182,10 +185,7 @@ class Flight:
         self._announcer.ticked(tick)
         for watcher in self.watchers:
             watcher.ticked(tick)
-        waiting, self._ticked = self._ticked, set()
-        for future in waiting:
-            if not future.done():
-                future.set_result(tick)
+        self._ticked.tell(tick)
         return tick
 
     # -- the end ------------------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ class Flight:
     def _send_zero(self) -> None:
         setpoint = self.control.zero(self.clock.now_s(), self.link.telemetry.vehicle_state())
         if setpoint is not None:
-            self.link.wire.send_setpoint(setpoint)
+            self.output.stop(setpoint)
 
     # -- seeing -------------------------------------------------------------------------------------------
 
@@ -238,10 +238,7 @@ class Flight:
             sighting = Sighting(seen, self.status(), measurement, predicted)
             for watcher in self.watchers:
                 watcher.saw(sighting)
-        waiting, self._looked = self._looked, set()
-        for future in waiting:
-            if not future.done():
-                future.set_result(seen)
+        self._looked.tell(seen)
 
     def predicted_at(self, t_capture_s: float, like: Box) -> Box | None:
         """Where the target should be in a frame captured then, shaped like this box; None where that is unknown."""
@@ -267,15 +264,11 @@ class Flight:
 
     async def next_tick(self) -> Tick:
         """The next decision."""
-        future: asyncio.Future[Tick] = asyncio.get_running_loop().create_future()
-        self._ticked.add(future)
-        return await future
+        return await self._ticked.get()
 
     async def next_seen(self) -> Seen:
         """The next frame through the tracker."""
-        future: asyncio.Future[Seen] = asyncio.get_running_loop().create_future()
-        self._looked.add(future)
-        return await future
+        return await self._looked.get()
 
     def status(self) -> Status:
         """The state of everything, now."""
@@ -288,12 +281,18 @@ class Flight:
         warnings += self.glass.warnings()
         link, fps = link_summary(self.link.wire, now_s), self._rate.fps
         status = make_status(now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link)
-        return replace(status, budget=self._budgets.at(now_s), glass_delay=self.glass.estimate)
+        return replace(status, budget=self._budgets.at(now_s), glass_delay=self.glass.estimate, way=self.output.label)
 
     def status_line(self) -> str:
         """The same in one line."""
         return status_line(self.status())
 
+    def why_unfit(self) -> str:
+        """Why the vehicle may follow nobody, whatever is seen; empty if it may."""
+        return self.auditor.problem or self.output.problem
+
     def _audited(self, audit: Audit) -> None:
+        if said := self.output.audited(self.auditor.values):
+            self.say(said)
         for watcher in self.watchers:
             watcher.audited(self.clock.now_s(), audit)

@@ -81,6 +81,8 @@ class Orders:
                 await self._let_go()
                 await flight.link.actions.return_to_launch()
                 return "returning home"
+            case SetMode() | SetStandoff() | StepStandoff() if flight.output.decides:
+                raise RefusedError(f"not for an order: {flight.output.decides}")
             case SetMode() | SetStandoff() if control.is_engaged:
                 changed = self._change(order)
                 self._want(order)
@@ -143,7 +145,7 @@ class Orders:
     def _why_not(self, tick: Tick) -> tuple[str, ...]:
         if tick.output.state in (State.FOLLOWING, State.COASTING):  # the vehicle was in external control before
             return ()
-        better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.auditor.problem}
+        better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.why_unfit()}
         return tuple(better.get(cause) or cause.value for cause in tick.output.reasons)
 
     async def _hold(self) -> str:

@@ -55,6 +55,7 @@ class Status:
     limited_by: tuple[str, ...]
     warnings: tuple[str, ...] = ()
     link: str = ""
+    way: str = ""  # by which the vehicle is flown, where it is not the usual one
     budget: Budget | None = None  # from light to command, over the last second
     glass_delay: DelayEstimate = UNKNOWN
 
@@ -69,6 +70,8 @@ def status_line(status: Status) -> str:
     """One line of text for a terminal."""
     vehicle = status.vehicle
     parts = [status.headline, vehicle.mode.value, "armed" if vehicle.armed else "disarmed"]
+    if status.way:
+        parts.append(status.way)
     if vehicle.position_t_s is not None:
         parts.append(f"{vehicle.height_m:.1f} m high")
     if vehicle.battery_frac is not None:

@@ -18,9 +18,9 @@ from control.geolocation import Aim, moved_deg, offset_from_m, target_fix
 from control.types import Reason
 from gcs.audit_follow_mode import OwnPlace, own_place
 from gcs.codec import PublishedTarget
-from gcs.flight_control import Tick
 from gcs.home_frame import VehiclePlace
 from gcs.telemetry import Telemetry
+from gcs.tick import Tick
 from gcs.wire import Wire
 
 PERIOD_S: Final = 0.1
@@ -32,6 +32,7 @@ _FLAT_M: Final = 2000.0  # so far the earth is
 class FollowTargetOutput:
     """What is published moves no faster than `limits` let the vehicle fly, whatever is seen."""
 
+    steers = False
     decides = "distance, height and side are the vehicle's own follow mode's: its parameters say them (`gcs audit`)"
 
     def __init__(self, wire: Wire, telemetry: Telemetry, camera: CameraModel, limits: Limits) -> None:

@@ -130,7 +130,8 @@ class World:
         self.station: StationEnd | None = None
         self.backlog: list[tuple[bytes, Peer]] = []
         self.eyes = eyes or Eyes(random.Random(setup.seed + 5), lens=setup.lens)
-        self.wire = Wire.over(self._transport, clock=loop, signing=self._signing() if setup.signed else None)
+        signing, backend = self._signing() if setup.signed else None, setup.config.vehicle.backend
+        self.wire = Wire.over(self._transport, clock=loop, signing=signing, backend=backend)
         self.telemetry = Telemetry(self.wire, loop)
         modes = ModeControl(self.wire, self.telemetry, loop)
         link = Link(self.wire, self.telemetry, modes, cast(VehicleActions, None))
