@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 FEWEST_POINTS: Final = 8
 _UNDISTORT_STEPS: Final = 8
-_FIT_STEPS: Final = 4
+_FIT_STEPS: Final = 3
 _LEAST_SCALE_PX: Final = 0.5  # errors below that are noise, whatever the others are
 _AGREE_SCALES: Final = 3.0
 _AGREE_FRAC: Final = 0.5  # of the points, or nothing is known
@@ -62,10 +62,10 @@ def rotation_of_flow(camera: CameraModel, flow: Flow, down_camera: Array) -> Arr
 
 def _robust_fit(across: Array, downward: Array, moved: Array, least: float) -> tuple[Array | None, float]:
     """Reweighted least squares (Geman and McClure) for the six unknowns; and the share of points that agree."""
-    weight = np.ones(len(moved))
+    weight, middle = np.ones(len(moved)), len(moved) // 2
     prior = np.diag([0.0, 0.0, 0.0, *[(least / _STEP_STD) ** 2] * 3])
-    agreeing = 0.0
     motion: Array | None = None
+    error, scale = np.zeros(len(moved)), least
     for _ in range(_FIT_STEPS):
         wa, wd = across * weight[:, None], downward * weight[:, None]
         normal = wa.T @ across + wd.T @ downward + prior
@@ -74,10 +74,9 @@ def _robust_fit(across: Array, downward: Array, moved: Array, least: float) -> t
         except np.linalg.LinAlgError:
             return None, 0.0
         error = np.hypot(moved[:, 0] - across @ motion, moved[:, 1] - downward @ motion)
-        scale = max(1.5 * float(np.median(error)), least)
+        scale = max(1.5 * float(np.partition(error, middle)[middle]), least)
         weight = 1.0 / (1.0 + (error / scale) ** 2) ** 2
-        agreeing = float(np.mean(error < _AGREE_SCALES * scale))
-    return motion, agreeing
+    return motion, float(np.count_nonzero(error < _AGREE_SCALES * scale)) / len(moved)
 
 
 def _rays(camera: CameraModel, points_px: Array) -> Array:

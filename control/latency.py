@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 PRIOR_S: Final = 0.1
 LONGEST_S: Final = 0.6  # of the candidates
 _STEP_S: Final = 0.02
-_CANDIDATES_S: Final = np.arange(0.0, LONGEST_S + _STEP_S / 2, _STEP_S)
+_AHEAD_S: Final = 2 * _STEP_S  # below zero too, so that a delay of nearly nothing lies between two of them
+_CANDIDATES_S: Final = np.arange(-_AHEAD_S, LONGEST_S + _STEP_S / 2, _STEP_S)
 _MEMORY_S: Final = 12.0
 _SLOW_S: Final = 1.0  # changes of the rotation rate slower than that are not looked at
 _GAP_S: Final = 0.5
@@ -34,6 +35,9 @@ _KNOWN_STD_S: Final = 0.012
 _LEAST_TURN_RPS: Final = 0.02  # rms of what is compared
 _LEAST_CORRELATION: Final = 0.7
 _CONTRADICTION: Final = 0.2  # an axis that turns as much as the others and correlates less than this
+_FASTEST_RPS: Final = 6.0  # no camera turns so; a cut in the video looks like that
+_ELSEWHERE_S: Final = 0.1  # so far away from the best candidate,
+_CLEARLY: Final = 2.0  # all must be so much worse: an oscillation fits at every of its periods
 _COLOURED: Final = 6.0  # so many errors in a row count as one: what causes them lasts
 
 
@@ -60,6 +64,7 @@ class GlassDelayEstimator:
 
     def __init__(self, camera: CameraModel, attitude: AttitudeBuffer) -> None:
         self._camera = camera
+        self._frd_from_camera = ned_from_camera(camera, (0.0, 0.0, 0.0))
         self._attitude = attitude
         self._waiting: deque[Flow] = deque(maxlen=64)
         self._last: tuple[float, Array] | None = None  # camera attitudes (N, 3, 3) at a time less each candidate
@@ -80,7 +85,7 @@ class GlassDelayEstimator:
         attitude_s = self._attitude.newest_t_s
         while self._waiting and attitude_s is not None:
             oldest = self._waiting[0]
-            if attitude_s < oldest.to_t_s and flow.to_t_s - oldest.to_t_s < _PATIENCE_S:
+            if attitude_s < oldest.to_t_s + _AHEAD_S and flow.to_t_s - oldest.to_t_s < _PATIENCE_S:
                 break
             self._compare(self._waiting.popleft())
 
@@ -89,9 +94,9 @@ class GlassDelayEstimator:
         start, end = self._cameras_at(flow.from_t_s), self._cameras_at(flow.to_t_s)
         if start is None or end is None or dt_s <= 0.0:
             return
-        now = min(round(self.estimate.delay_s / _STEP_S), len(_CANDIDATES_S) - 1)
-        measured = rotation_of_flow(self._camera, flow, end[now][2])
-        if measured is None:
+        likely = int(np.argmin(np.abs(_CANDIDATES_S - self.estimate.delay_s)))
+        measured = rotation_of_flow(self._camera, flow, end[likely][2])
+        if measured is None or not float(np.abs(measured).max()) < _FASTEST_RPS * dt_s:
             return
         turn = np.swapaxes(start, 1, 2) @ end
         predicted = np.stack(
@@ -106,7 +111,7 @@ class GlassDelayEstimator:
         angles = [self._attitude.at(t_s - delay_s) for delay_s in _CANDIDATES_S]
         if any(each is None for each in angles):
             return None
-        cameras = np.stack([ned_from_camera(self._camera, each) for each in angles if each is not None])
+        cameras = _rotations(np.array(angles, float)) @ self._frd_from_camera
         self._last = t_s, cameras
         return cameras
 
@@ -138,9 +143,11 @@ class GlassDelayEstimator:
         if curvature <= 0:
             return UNKNOWN
         offset = (left - right) / (2 * (left - 2 * middle + right))
-        delay_s = float(_CANDIDATES_S[best] + offset * _STEP_S)
+        delay_s = max(float(_CANDIDATES_S[best] + offset * _STEP_S), 0.0)
         std_s = math.sqrt(2 * middle / curvature * _COLOURED / self._intervals)
-        return DelayEstimate(delay_s, std_s, std_s < _KNOWN_STD_S and self._agrees(best))
+        elsewhere = cost[np.abs(_CANDIDATES_S - delay_s) > _ELSEWHERE_S]
+        clear = float(elsewhere.min()) > _CLEARLY * middle
+        return DelayEstimate(delay_s, std_s, clear and std_s < _KNOWN_STD_S and self._agrees(best))
 
     def _agrees(self, best: int) -> bool:
         """Whether enough was turned, and the picture turned with it on every axis that was."""
@@ -151,3 +158,14 @@ class GlassDelayEstimator:
             return False
         turning = turned_rps > max(0.3 * float(turned_rps.max()), _LEAST_TURN_RPS)
         return bool(np.all(both[turning] > _CONTRADICTION * product[turning]))
+
+
+def _rotations(rpy_rad: Array) -> Array:
+    """(N, 3, 3) NED from FRD for (N, 3) roll, pitch, yaw: `rotation_from_rpy` for many."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy_rad).T, np.cos(rpy_rad).T
+    rows = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    return np.moveaxis(np.array(rows), 2, 0)
