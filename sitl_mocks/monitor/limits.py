@@ -35,6 +35,7 @@ class Truth:
     in_air: bool
     position_ned_m: Vec3
     yaw_rad: float = 0.0
+    follows_target: bool = False  # external by its own follow mode: it obeys FOLLOW_TARGET, not setpoints
 
     @property
     def obeys(self) -> bool:

@@ -22,6 +22,7 @@ from sitl_mocks.monitor.limits import (
 )
 from sitl_mocks.monitor.place import why_outside
 from sitl_mocks.monitor.setpoints import SILENCE_S, Seen, bad_values, steps
+from sitl_mocks.monitor.targets import Targets
 
 _KEPT_REASONS = 200
 _ASKING = (REQUEST_MESSAGE, SET_MESSAGE_INTERVAL)  # may be asked of any component
@@ -50,6 +51,7 @@ class WireMonitor:
     late_after_external_s: float = 0.0  # the latest setpoint after the vehicle had left external mode
     engagement: Engagement = field(init=False)
     availability: Availability = field(init=False)
+    targets: Targets = field(init=False)
     _last: Seen | None = None
     _run_start_s: float = 0.0
     _external: bool = False
@@ -60,6 +62,7 @@ class WireMonitor:
     def __post_init__(self) -> None:
         self.engagement = Engagement(self.limits)
         self.availability = Availability(self.limits)
+        self.targets = Targets(self.limits)
 
     @property
     def external_entries(self) -> int:
@@ -83,7 +86,7 @@ class WireMonitor:
         unconfirmed = self.engagement.watch(now_s, truth)
         if unconfirmed is not None and self.limits.confirmation_needed:
             self._hit(now_s, Rule.UNCONFIRMED, unconfirmed)
-        if truth.obeys:
+        if truth.obeys and not truth.follows_target:
             self._hit_if(now_s, Rule.UNAVAILABLE, self.availability.watch(now_s))
         else:
             self.availability.idle()
@@ -102,6 +105,8 @@ class WireMonitor:
             number = message.get_msgId()
             if number == frames.SETPOINT:
                 self._setpoint(now_s, message, truth)
+            elif number == frames.FOLLOW_TARGET:
+                self._target(now_s, message, truth)
             else:
                 self._other(now_s, number, message, truth)
 
@@ -114,6 +119,7 @@ class WireMonitor:
             "by_rule": by_rule,
             "reasons": [{"t_s": r.t_s, "rule": r.rule.value, "text": r.text} for r in self.reasons],
             "setpoints": self.setpoints,
+            "targets": self.targets.count,
             "moving_setpoints": self.moving_setpoints,
             "last_setpoint_t_s": self.last_setpoint_t_s,
             "last_moving_setpoint_t_s": self.last_moving_t_s,
@@ -168,7 +174,7 @@ class WireMonitor:
         last = self._last
         if last is None or seen.t_s - last.t_s > SILENCE_S:
             self._run_start_s = seen.t_s
-        if truth.external:
+        if truth.external and not truth.follows_target:
             return
         left = self._left_external_s
         same_run = left is not None and self._run_start_s <= left
@@ -179,6 +185,18 @@ class WireMonitor:
         priming = seen.still and seen.t_s - self._run_start_s <= self.limits.priming_s
         if not priming or same_run:
             self._hit(seen.t_s, Rule.NOT_EXTERNAL, "setpoint while the vehicle is not in external mode")
+
+    def _target(self, now_s: float, message: Any, truth: Truth) -> None:
+        for rule, text in self.targets.judge(now_s, message, truth, self._left_external_s):
+            self._hit(now_s, rule, text)
+        still = self.targets.still(message)
+        if self.silent_by_s is not None and now_s > self.silent_by_s:
+            self._hit(now_s, Rule.TOO_LATE, f"a target {now_s - self.silent_by_s:.3f} s after it had to be silent")
+        if self.still_by_s is not None and now_s > self.still_by_s and not still:
+            self._hit(now_s, Rule.TOO_LATE, f"a moving target {now_s - self.still_by_s:.3f} s after the bound")
+        unconfirmed = self.engagement.setpoint(now_s, truth, still=still)
+        if self.limits.confirmation_needed:
+            self._hit_if(now_s, Rule.UNCONFIRMED, unconfirmed)
 
     # -- everything else ----------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 from sitl_mocks.vehicle.ardupilot_failsafes import ArduPilotFailsafes
 from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Autopilot
 from sitl_mocks.vehicle.flight import Behaviour, Speeds, Sticks
+from sitl_mocks.vehicle.follow_target import Follow
 from sitl_mocks.vehicle.modes import ARDUPILOT_NUMBERS, Mode, Personality, Result, Severity
 from sitl_mocks.vehicle.setpoints import BadSetpointError, Setpoint
 
@@ -22,11 +23,14 @@ _LOW_THROTTLE = -0.1
 class ArduPilot(ArduPilotFailsafes):
     """ArduCopter. A take-off happens inside GUIDED; lost setpoints stop it silently, still in GUIDED."""
 
-    NOT_ARMABLE: ClassVar[frozenset[Mode]] = frozenset({Mode.RETURN, Mode.LAND, Mode.BRAKE, Mode.MISSION})
+    NOT_ARMABLE: ClassVar[frozenset[Mode]] = frozenset({Mode.RETURN, Mode.LAND, Mode.BRAKE, Mode.MISSION, Mode.FOLLOW})
 
     mode: Mode = Mode.STABILIZE
     intended: Mode = Mode.STABILIZE
     throttle_stick_low: bool = True
+
+    def __post_init__(self) -> None:
+        self.flight.follower = Follow(self.params)
 
     @property
     def personality(self) -> Personality:
@@ -84,6 +88,9 @@ class ArduPilot(ArduPilotFailsafes):
         if mode is None:
             self.say(Severity.WARNING, f"No such mode {number}")
             return Result.FAILED
+        if mode is Mode.FOLLOW and self.params["FOLL_ENABLE"] != 1:
+            self.say(Severity.WARNING, "Set FOLL_ENABLE = 1")
+            return Result.FAILED
         self.change_mode(mode)
         return Result.ACCEPTED
 
@@ -128,6 +135,8 @@ class ArduPilot(ArduPilotFailsafes):
                 return Behaviour.RETURN
             case Mode.BRAKE | Mode.MISSION | Mode.TAKEOFF:
                 return Behaviour.HOLD
+            case Mode.FOLLOW:
+                return Behaviour.FOLLOW if self.flight.flying else Behaviour.HOLD
         return Behaviour.SINK if self.throttle_stick_low else Behaviour.STICKS
 
     def _guided(self) -> Behaviour:
@@ -148,7 +157,7 @@ class ArduPilot(ArduPilotFailsafes):
 
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode."""
-        guided = self.mode in (Mode.EXTERNAL, Mode.RETURN, Mode.LAND, Mode.MISSION, Mode.BRAKE, Mode.HOLD)
+        guided = self.mode in (Mode.EXTERNAL, Mode.RETURN, Mode.LAND, Mode.MISSION, Mode.BRAKE, Mode.HOLD, Mode.FOLLOW)
         return (0x59 if guided else 0x51) | (0x80 if self.armed else 0)
 
     def system_status(self) -> int:

@@ -279,8 +279,9 @@ class MockVehicle:
         """What the wire monitor judges the traffic by."""
         pilot = self.autopilot
         motion = pilot.flight.body.motion
-        external = pilot.mode is Mode.EXTERNAL
-        return Truth(external, pilot.armed, pilot.flight.flying, motion.position_ned_m, motion.yaw_rad)
+        by_target = pilot.mode is Mode.FOLLOW
+        external = by_target or pilot.mode is Mode.EXTERNAL
+        return Truth(external, pilot.armed, pilot.flight.flying, motion.position_ned_m, motion.yaw_rad, by_target)
 
     def pilot_sets_mode(self, mode: Mode) -> None:
         """The pilot, or another station, changes the mode: nothing is sent but the new mode itself."""

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from sitl_mocks.vehicle.autopilot import GCS_TYPE
 from sitl_mocks.vehicle.flight import Sticks
+from sitl_mocks.vehicle.follow_target import parse_target
 from sitl_mocks.vehicle.link import Outbox
 from sitl_mocks.vehicle.modes import Personality, Result, Severity
 from sitl_mocks.vehicle.setpoints import BadSetpointError, parse_setpoint
@@ -43,6 +44,7 @@ class Dispatcher:
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
             "SET_POSITION_TARGET_LOCAL_NED": self._setpoint,
+            "FOLLOW_TARGET": self._follow_target,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_SET": self._param_set,
@@ -141,6 +143,14 @@ class Dispatcher:
             pilot.take_setpoint(parse_setpoint(message, self._vehicle.personality, yaw_rad, now_s))
         except BadSetpointError as error:
             pilot.bad_setpoint(error)
+
+    def _follow_target(self, message: Any, now_s: float) -> None:
+        """Addressed to nobody: each vehicle decides whom it listens to."""
+        place = self._vehicle.home.offset_ned_m(message.lat / 1e7, message.lon / 1e7, message.alt)
+        heard = parse_target(message, place, now_s)
+        follower = self._vehicle.autopilot.flight.follower
+        if heard is not None and follower is not None:
+            follower.hear(heard)
 
     def _heartbeat(self, message: Any, now_s: float) -> None:
         if message.type == GCS_TYPE:

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import assert_never
 
 from sitl_mocks.dynamics import MotionCommand, Multicopter, Vec3, body_to_ned, wrap_pi
+from sitl_mocks.vehicle.follow_target import Follower
 from sitl_mocks.vehicle.modes import Landed
 from sitl_mocks.vehicle.setpoints import Setpoint
 
@@ -29,6 +30,7 @@ class Behaviour(Enum):
     COAST_DOWN = "coast_down"  # PX4's Position mode without sticks: drifts on and sinks until it lands
     SINK = "sink"  # ArduCopter's LOITER with the throttle stick low
     STICKS = "sticks"  # the pilot flies, velocity by deflection; centred sticks hold
+    FOLLOW = "follow"
     DESCEND = "descend"  # down without a position: drifts with what speed there is
 
 
@@ -82,6 +84,7 @@ class Flight:
     armed_t_s: float | None = None
     landed_t_s: float = 0.0
     sticks: Sticks = CENTRED
+    follower: Follower | None = None
     _contact_s: float = 0.0
 
     @property
@@ -109,7 +112,9 @@ class Flight:
         if behaviour is not self.behaviour:
             self.behaviour = behaviour
             self.hold_ned_m = None
-        self.command = self._guide(behaviour, speeds)
+            if self.follower is not None and behaviour is Behaviour.FOLLOW:
+                self.follower.begin()
+        self.command = self._guide(behaviour, speeds, now_s)
         if not self.flying and not self._may_lift(behaviour, now_s, speeds.spool_up_s):
             self.body.tick(None)
             return
@@ -140,7 +145,7 @@ class Flight:
         elif self.height_m > 0.1 or self.flying:
             self.landed = Landed.IN_AIR
 
-    def _guide(self, behaviour: Behaviour, speeds: Speeds) -> MotionCommand:
+    def _guide(self, behaviour: Behaviour, speeds: Speeds, now_s: float) -> MotionCommand:
         match behaviour:
             case Behaviour.REST:
                 return MotionCommand()
@@ -148,6 +153,8 @@ class Flight:
                 return self._hold(None)
             case Behaviour.EXTERNAL:
                 return self._external(speeds)
+            case Behaviour.FOLLOW:
+                return self._follow(now_s)
             case Behaviour.TAKEOFF:
                 return self._hold(-self._toward_height(self.takeoff_height_m, speeds.takeoff_mps))
             case Behaviour.LAND:
@@ -176,6 +183,13 @@ class Flight:
             self.hold_ned_m = motion.position_ned_m
         north, east, down = self._toward(self.hold_ned_m, 2.0)
         return MotionCommand((north, east, down if down_mps is None else down_mps))
+
+    def _follow(self, now_s: float) -> MotionCommand:
+        command = None if self.follower is None else self.follower.guide(self.body.motion, now_s)
+        if command is None:
+            return self._hold(None)
+        self.hold_ned_m = None
+        return command
 
     def _by_sticks(self, speeds: Speeds) -> MotionCommand:
         sticks, yaw_rad = self.sticks, self.body.motion.yaw_rad

@@ -25,6 +25,7 @@ class Mode(Enum):
     TAKEOFF = "takeoff"
     RETURN = "return"
     LAND = "land"
+    FOLLOW = "follow"  # its own: PX4 AUTO_FOLLOW_TARGET, ArduCopter FOLLOW
 
 
 class Result(IntEnum):
@@ -73,6 +74,7 @@ PX4_NUMBERS = {
     Mode.MISSION: px4_custom_mode(4, 4),
     Mode.RETURN: px4_custom_mode(4, 5),
     Mode.LAND: px4_custom_mode(4, 6),
+    Mode.FOLLOW: px4_custom_mode(4, 8),
 }
 ARDUPILOT_NUMBERS = {
     Mode.STABILIZE: 0,
@@ -84,9 +86,10 @@ ARDUPILOT_NUMBERS = {
     Mode.LAND: 9,
     Mode.POSITION: 16,
     Mode.BRAKE: 17,
+    Mode.FOLLOW: 23,
 }
 STICK_MODES = frozenset({Mode.STABILIZE, Mode.ALTITUDE, Mode.POSITION})
-AUTO_MODES = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.MISSION, Mode.RETURN, Mode.LAND})
+AUTO_MODES = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.MISSION, Mode.RETURN, Mode.LAND, Mode.FOLLOW})
 
 
 def numbers(personality: Personality) -> dict[Mode, int]:

@@ -26,6 +26,7 @@ _PX4_INTS = {
     "CBRK_SUPPLY_CHK": 894281,
     "MAV_SYS_ID": 1,
     "SYS_AUTOSTART": 10040,
+    "FLW_TGT_ALT_M": 0,
 }
 _PX4_FLOATS = {
     "COM_OF_LOSS_T": 1.0,
@@ -50,6 +51,10 @@ _PX4_FLOATS = {
     "MPC_Z_VEL_MAX_DN": 1.5,
     "MPC_ACC_HOR": 3.0,
     "RTL_RETURN_ALT": 30.0,
+    "FLW_TGT_DST": 8.0,
+    "FLW_TGT_FA": 180.0,
+    "FLW_TGT_HT": 8.0,
+    "FLW_TGT_MAX_VEL": 5.0,
 }
 _ARDUPILOT_INTS = {
     "ARMING_CHECK": (INT32, 1),
@@ -58,6 +63,10 @@ _ARDUPILOT_INTS = {
     "FENCE_ENABLE": (INT8, 0),
     "FENCE_TYPE": (INT8, 7),
     "FLTMODE_CH": (INT8, 5),
+    "FOLL_ENABLE": (INT8, 0),
+    "FOLL_OFS_TYPE": (INT8, 0),
+    "FOLL_SYSID": (INT16, 0),
+    "FOLL_YAW_BEHAVE": (INT8, 1),
     "FS_EKF_ACTION": (INT8, 1),
     "FS_GCS_ENABLE": (INT8, 0),
     "FS_OPTIONS": (INT32, 16),
@@ -75,6 +84,10 @@ _ARDUPILOT_FLOATS = {
     "FENCE_ALT_MAX": 100.0,
     "FENCE_RADIUS": 300.0,
     "FS_GCS_TIMEOUT": 5.0,
+    "FOLL_DIST_MAX": 100.0,
+    "FOLL_OFS_X": 0.0,
+    "FOLL_OFS_Y": 0.0,
+    "FOLL_OFS_Z": 0.0,
     "GUID_TIMEOUT": 3.0,
     "WPNAV_ACCEL": 250.0,
     "WPNAV_SPEED": 1000.0,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from sitl_mocks.vehicle.autopilot import CUSTOM_MODE_FLAG, Failsafe
 from sitl_mocks.vehicle.flight import Behaviour, Speeds
+from sitl_mocks.vehicle.follow_target import FollowMe
 from sitl_mocks.vehicle.modes import (
     AUTO_MODES,
     PX4_NUMBERS,
@@ -28,6 +29,7 @@ _BEHAVIOURS = {
     Mode.TAKEOFF: Behaviour.TAKEOFF,
     Mode.LAND: Behaviour.LAND,
     Mode.RETURN: Behaviour.RETURN,
+    Mode.FOLLOW: Behaviour.FOLLOW,
 }
 _NOT_ARMABLE = "Arming denied: Resolve system health failures first"
 
@@ -35,6 +37,9 @@ _NOT_ARMABLE = "Arming denied: Resolve system health failures first"
 @dataclass(slots=True)
 class Px4(Px4Failsafes):
     """PX4. Its heartbeat never comes early, so a mode change shows in CURRENT_MODE first."""
+
+    def __post_init__(self) -> None:
+        self.flight.follower = FollowMe(self.params)
 
     @property
     def personality(self) -> Personality:

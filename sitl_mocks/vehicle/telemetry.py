@@ -9,6 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from sitl_mocks.dynamics import Vec3
 from sitl_mocks.vehicle import streams as ids
 from sitl_mocks.vehicle.autopilot import Autopilot, battery_volts
 from sitl_mocks.vehicle.faults import Faults
@@ -41,6 +42,12 @@ class Home:
     latitude_deg: float = 47.397742
     longitude_deg: float = 8.545594
     altitude_m: float = 488.0
+
+    def offset_ned_m(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vec3:
+        """NED metres from here, flat earth as `View` has it."""
+        scale = _EARTH_RADIUS_M * math.cos(math.radians(self.latitude_deg))
+        north_m = math.radians(latitude_deg - self.latitude_deg) * _EARTH_RADIUS_M
+        return north_m, math.radians(longitude_deg - self.longitude_deg) * scale, self.altitude_m - altitude_m
 
 
 @dataclass(frozen=True, slots=True)
