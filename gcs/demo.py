@@ -14,7 +14,7 @@ from typing import Final
 
 from gcs.app import fly, make_flight, open_link, open_live, recorder, signals
 from gcs.clock import MonotonicClock
-from gcs.config import Config
+from gcs.config import Config, GimbalConfig
 from gcs.demo_operator import DemoOperator
 from gcs.demo_plot import plot
 from gcs.demo_report import Score, read_truth, score, table
@@ -39,6 +39,7 @@ class DemoOptions:
     scenario: str = "demo"
     personality: str = "px4"
     seed: int | None = None
+    gimbal: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,7 @@ def main(args: argparse.Namespace) -> int:
         scenario=args.scenario or "demo",
         personality=args.personality or "px4",
         seed=args.seed,
+        gimbal=args.gimbal,
     )
     screen = Screen(sys.stderr if args.json else sys.stdout)
     outcome = demo(options, screen)
@@ -90,7 +92,11 @@ async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callab
     tracker = await asyncio.to_thread(make, Config())
     screen.say(f"simulator: {options.personality}, scenario {options.scenario}")
     async with simulator(
-        folder, scenario=options.scenario, personality=options.personality, seed=options.seed
+        folder,
+        scenario=options.scenario,
+        personality=options.personality,
+        seed=options.seed,
+        extra=("--gimbal",) if options.gimbal else (),
     ) as world:
         operator, interrupted = await _fly(options, world, screen, tracker)
     truth = read_truth(folder / TRUTH)
@@ -152,6 +158,7 @@ def demo_config(world: Simulator) -> Config:
     return replace(
         config,
         camera=world.camera,
+        gimbal=GimbalConfig(enabled=world.gimbal),
         vehicle=replace(config.vehicle, url=world.vehicle_url, takeoff_height_m=world.height_m),
         control=replace(config.control, limits=limits),
     )

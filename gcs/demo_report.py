@@ -22,7 +22,7 @@ _JOIN_S = 0.05  # a frame belongs to the truth of this long before or after
 
 @dataclass(frozen=True, slots=True)
 class TruthRow:
-    """One rendered frame: capture time (monotonic s), NED metres, yaw in rad, box x, y, w, h in px."""
+    """One rendered frame: capture time (monotonic s), NED metres, the camera's yaw in rad, box x, y, w, h in px."""
 
     t_s: float
     vehicle_ned_m: Vec3
@@ -101,7 +101,7 @@ def parse_truth(fields: dict[str, Any]) -> TruthRow:
         return TruthRow(
             t_s=float(fields["t_s"]),
             vehicle_ned_m=_vec3(vehicle["position_ned_m"]),
-            yaw_rad=float(vehicle["roll_pitch_yaw_rad"][2]),
+            yaw_rad=float(fields.get("camera", vehicle)["roll_pitch_yaw_rad"][2]),
             target_ned_m=_vec3(fields["target"]["position_ned_m"]),
             box_xywh_px=None if box is None else (*map(float, box),),  # type: ignore[arg-type]
             visible_frac=float(fields["visible_frac"]),

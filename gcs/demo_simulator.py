@@ -36,6 +36,7 @@ class Simulator:
     video_url: str
     height_m: float
     camera: CameraConfig
+    gimbal: bool
     folder: Path
     to_judge: asyncio.StreamWriter
 
@@ -108,7 +109,7 @@ def _ready(line: bytes, folder: Path, to_judge: asyncio.StreamWriter) -> Simulat
             mount_rpy_deg=(0.0, math.degrees(camera["mount_pitch_rad"]), 0.0),
             glass_delay_s=camera["delay_s"],
         )
-        return Simulator(said["mavlink"], said["video_url"], said["height_m"], lens, folder, to_judge)
+        return Simulator(said["mavlink"], said["video_url"], said["height_m"], lens, camera["gimbal"], folder, to_judge)
     except (ValueError, KeyError, TypeError) as error:
         raise SimulatorError(f"the simulator's first line is not understood: {error!r}") from None
 

@@ -42,6 +42,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--height", type=int, default=480)
     add("--hfov-deg", type=_between(10, 149), default=70.0)
     add("--mount-pitch-deg", type=_between(-90, 90), default=-28.0, help="below zero looks down")
+    add("--gimbal", action="store_true", help="the camera is on a gimbal that begins at the mount's pitch")
     add("--speed", type=_between(0, 10), default=1.0, help="how fast the scenario's clock runs")
     add("--move-after", type=_between(0, 3600), default=0.0, metavar="S", help="wait once at height")
     add("--start-in-air", action="store_true", help="begin armed and hovering at the scenario's height")
@@ -121,6 +122,7 @@ def _config(options: argparse.Namespace) -> SimulatorConfig:
         wind_ned_mps=options.wind,
         loss_frac=options.loss,
         parameters=_parameters(options),
+        gimbal=options.gimbal,
         confirmations=options.confirmations,
         signing_key=options.signing_key,
         truth_file=options.truth,

@@ -17,7 +17,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -30,7 +30,7 @@ from sitl_mocks.lens import Lens
 from sitl_mocks.mjpeg import MjpegServer
 from sitl_mocks.monitor import MonitorLimits, WireMonitor
 from sitl_mocks.scenario import Scenario, ScenarioClock
-from sitl_mocks.vehicle import MockVehicle, Personality, Pose
+from sitl_mocks.vehicle import MockGimbal, MockVehicle, Personality, Pose
 from sitl_mocks.vehicle.server import run_udp
 
 
@@ -39,7 +39,8 @@ class SimulatorConfig:
     """What the command line sets.
 
     mavlink: where the station listens. loss_frac: of MAVLink, each way. parameters: the vehicle's, by name,
-    in place of the defaults. confirmations: `operator_confirms` is called for each, so that flying without counts.
+    in place of the defaults. gimbal: the camera is on one, which begins at the lens's mount pitch.
+    confirmations: `operator_confirms` is called for each, so that flying without counts.
     """
 
     scenario: Scenario
@@ -59,6 +60,7 @@ class SimulatorConfig:
     wind_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     loss_frac: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+    gimbal: bool = False
     confirmations: bool = False
     signing_key: bytes | None = field(default=None, repr=False)
     truth_file: Path | None = None
@@ -78,6 +80,7 @@ class Simulator:
 
     def __init__(self, config: SimulatorConfig) -> None:
         self._config = config
+        lens = replace(config.lens, mount_pitch_rad=0.0) if config.gimbal else config.lens
         self._vehicle = MockVehicle(
             config.personality,
             yaw_rad=config.scenario.heading_rad,
@@ -85,12 +88,13 @@ class Simulator:
             parameters=config.parameters,
             disturbance=Disturbance(wind_ned_mps=config.wind_ned_mps, seed=config.seed),
             signing_key=config.signing_key,
+            gimbal=MockGimbal(pitch_rad=config.lens.mount_pitch_rad) if config.gimbal else None,
             seed=config.seed,
         )
         self._vehicle.faults.drop_uplink = self._vehicle.faults.drop_downlink = config.loss_frac
         self._monitor = WireMonitor(MonitorLimits(confirmation_needed=config.confirmations))
         self._clock = ScenarioClock(config.move_after_s, config.speed)
-        self._camera = RenderedCamera(config.scenario.world, config.lens, config.sensor)
+        self._camera = RenderedCamera(config.scenario.world, lens, config.sensor)
         self._server = MjpegServer(config.video_host, config.video_port)
         self._shot: _Shot | None = None  # written by the event loop, read by the camera's thread
         self._frames = self._late_frames = 0
@@ -141,7 +145,7 @@ class Simulator:
 
     def _ready(self) -> dict[str, Any]:
         host, port = self._config.mavlink
-        lens = self._config.lens
+        lens = self._camera.lens
         return {
             "mavlink": f"udpin://{host}:{port}",
             "video_url": self._server.url,
@@ -155,6 +159,7 @@ class Simulator:
                 "mount_pitch_rad": lens.mount_pitch_rad,
                 "distortion": list(lens.distortion),
                 "delay_s": self._config.video_delay_s,
+                "gimbal": self._config.gimbal,
             },
         }
 
@@ -196,7 +201,7 @@ class Simulator:
         loop.call_later(max(due_s - time.monotonic(), 0.0), self._server.publish, jpeg)
 
     def _take(self, shot: _Shot, truth_out: TextIO | None) -> bytes:
-        pose = shot.pose
+        pose = shot.pose.of_camera
         attitude = (pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
         rendered = self._camera.render(shot.scenario_t_s, pose.position_ned_m, *attitude)
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._config.jpeg_quality]
@@ -211,7 +216,7 @@ class Simulator:
         """One line of the truth file: t_s on time.monotonic, box x, y, w, h or null, NED metres and m/s, rad."""
         world, pose = self._config.scenario.world, shot.pose
         target, seen = world.target(shot.scenario_t_s), rendered.truth[world.target_name]
-        box = visible_box(seen, self._config.lens)
+        box, camera = visible_box(seen, self._camera.lens), pose.of_camera
         return {
             "t_s": round(pose.t_s, 6),
             "seq": self._frames,
@@ -223,6 +228,7 @@ class Simulator:
                 "velocity_ned_mps": _rounded(pose.velocity_ned_mps),
                 "roll_pitch_yaw_rad": _rounded((pose.roll_rad, pose.pitch_rad, pose.yaw_rad)),
             },
+            "camera": {"roll_pitch_yaw_rad": _rounded((camera.roll_rad, camera.pitch_rad, camera.yaw_rad))},
             "target": {
                 "position_ned_m": _rounded(target.position_ned_m),
                 "velocity_ned_mps": _rounded([v * self._config.speed for v in target.velocity_ned_mps]),
