@@ -7,7 +7,8 @@ vehicle's turning tells them apart. Wald's sequential probability ratio test say
 holds while the vehicle's turning follows from what was seen, as it does here.
 
 On a gimbal that is known it is the gimbal's turning that counts. As that keeps the target in the middle, a picture
-that stands still says nothing there, and only a mirrored or inverted one is looked for.
+that stands still says nothing there, and only a mirrored or inverted one is looked for. So it is where the vehicle
+turns by its own follow mode, which knows where the target is.
 """
 
 from __future__ import annotations
@@ -94,9 +95,9 @@ class _Channel:
 class CameraCheck:
     """Give it every accepted bearing of one target. A verdict, once there, stays until `reset`."""
 
-    def __init__(self, *, on_gimbal: bool = False) -> None:
+    def __init__(self, *, kept_centred: bool = False) -> None:
         # By the gains across and upwards: mirrored or upside down, on a gimbal, rolled one way and the other.
-        self._wrong = _MIRRORED if on_gimbal else (*_MIRRORED, (0.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+        self._wrong = _MIRRORED if kept_centred else (*_MIRRORED, (0.0, 0.0), (0.0, 1.0), (0.0, -1.0))
         self.reset()
 
     def reset(self) -> None:

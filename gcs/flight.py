@@ -92,7 +92,10 @@ class Flight:
         if config.gimbal.enabled:
             self.gimbal = Gimbal(link.wire, clock, attitude, config.gimbal.device_id)
             attitude = self.gimbal.attitude
-        self.control = FollowControl(config.control, self.camera, attitude, on_gimbal=config.gimbal.enabled)
+        backend, limits = config.vehicle.backend, config.control.limits
+        self.output = output_of(backend, link.wire, link.telemetry, self.camera, limits)
+        on_gimbal, steers = config.gimbal.enabled, self.output.steers
+        self.control = FollowControl(config.control, self.camera, attitude, on_gimbal=on_gimbal, steers=steers)
         self.glass = GlassDelay(config.camera.glass_delay_s, self.camera, attitude)
         self.vision = Vision(source, tracker, clock, self._deliver, self._expected, self.glass.correction_s)
         self._budgets = BudgetDisplay()
@@ -106,10 +109,8 @@ class Flight:
         self._ticked: Next[Tick] = Next()
         self._looked: Next[Seen] = Next()
         self._modes = ModeSwitch(link.modes, say)
-        accepted, backend = config.vehicle.accept_parameters, config.vehicle.backend
+        accepted = config.vehicle.accept_parameters
         self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited, backend)
-        self.output = output_of(backend, link.wire, link.telemetry, self.camera, config.control.limits)
-        self.control.steers = self.output.steers
         self._rate = FrameRate()
         self._settled_s = clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, say, clock.now_s())

@@ -39,15 +39,25 @@ class FollowControl:
     """Everything between the tracker and the wire. `now_s` must be the wire's own clock."""
 
     def __init__(
-        self, config: ControlConfig, camera: CameraModel, attitude: AttitudeBuffer, *, on_gimbal: bool = False
+        self,
+        config: ControlConfig,
+        camera: CameraModel,
+        attitude: AttitudeBuffer,
+        *,
+        on_gimbal: bool = False,
+        steers: bool = True,
     ) -> None:
-        """attitude: the camera's where it is on a gimbal, else the vehicle's."""
+        """attitude: the camera's where it is on a gimbal, else the vehicle's.
+
+        steers: False where the vehicle flies by its own follow mode and a setpoint only permits it.
+        """
+        self._steers = steers
         self._config = config
         self._pointing = Pointing(config.gimbal) if on_gimbal else None
         self.gimbal: GimbalState | None = None  # as of the next tick
         self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
         self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
-        self.sight = Sight(config.estimator, camera, attitude, on_gimbal=on_gimbal)
+        self.sight = Sight(config.estimator, camera, attitude, kept_centred=on_gimbal or not steers)
         self._engagement = Engagement(config.engagement)
         self._echo = EchoMonitor()
         self._last_tick_s: float | None = None
@@ -61,7 +71,6 @@ class FollowControl:
         self._engaged = False
         self.wanted = Wanted()
         self.law: Law = follow_request  # another one to measure this one against
-        self.steers = True  # False: the vehicle flies by its own follow mode, a setpoint only permits it
         self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
         self.confirmation: Confirmation | None = None
 
@@ -151,7 +160,7 @@ class FollowControl:
         if setpoint is not None:
             shaping = after_setpoint(self._follow.shaping, setpoint.velocity_ned_mps, setpoint.yaw_rate_rps)
             self._follow = replace(self._follow, shaping=shaping)
-            if self.steers:
+            if self._steers:
                 self._echo.sent(now_s, setpoint.velocity_ned_mps)
         self._previous = setpoint
         gimbal = self._point(output, target, vehicle, now_s)
@@ -265,6 +274,6 @@ class FollowControl:
             vehicle=vehicle,
             distance_known=distance_known,
             attitude_rate_hz=self.sight.attitude.rate_hz(now_s),
-            outside_fence=leaves_fence(vehicle, self._config.limits, steered=self.steers),
+            outside_fence=leaves_fence(vehicle, self._config.limits, steered=self._steers),
             audit_ok=self.audit_ok,
         )

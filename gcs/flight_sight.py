@@ -15,13 +15,13 @@ class Sight:
     """Give it every frame the tracker has been through; ask `estimator` for the target at any time."""
 
     def __init__(
-        self, config: EstimatorConfig, camera: CameraModel, attitude: AttitudeBuffer, *, on_gimbal: bool = False
+        self, config: EstimatorConfig, camera: CameraModel, attitude: AttitudeBuffer, *, kept_centred: bool = False
     ) -> None:
-        """attitude: what the camera's mount is fixed to, the vehicle or (on_gimbal) the gimbal."""
+        """attitude: what the camera's mount is fixed to, vehicle or gimbal. kept_centred: see `CameraCheck`."""
         self.camera = camera
         self.attitude = attitude
         self.estimator = TargetEstimator(config)
-        self._camera_check = CameraCheck(on_gimbal=on_gimbal)
+        self._camera_check = CameraCheck(kept_centred=kept_centred)
 
     def reset(self) -> None:
         """Another target, or none: what was known of it is forgotten."""
