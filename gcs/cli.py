@@ -84,6 +84,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_demo(commands, common)
     _add_weights(commands, common)
     _add_bench(commands, common)
+    _add_tune(commands, common)
     _add_config(commands, common)
     cli_keys.add_parser(commands, common)
     return parser
@@ -138,6 +139,7 @@ def _add_demo(commands: Commands, common: Parser) -> None:
     p.add_argument("--scenario", metavar="NAME", help="what the target does")
     p.add_argument("--seed", type=int, metavar="N", help="of the world")
     p.add_argument("--personality", choices=("px4", "ardupilot"), help="which autopilot the mock plays")
+    p.add_argument("--gimbal", action="store_true", help="the camera is on a gimbal")
     p.add_argument("--json", action="store_true", help="the result as one JSON line on stdout")
 
 
@@ -245,6 +247,21 @@ def _add_dataset(p: Parser) -> None:
     p.add_argument("--attributes", action="store_true", help="precision and success by attribute too; plots as well")
     p.add_argument("--plots", metavar="DIR", help="success, precision and centre-error figures there (PNG)")
     p.add_argument("--json", action="store_true", help="one JSON object per line, the mean last")
+
+
+def _add_tune(commands: Commands, common: Parser) -> None:
+    text = "which gains suit your airframe and your video's delay, and what error to expect; flown in simulated time"
+    p = commands.add_parser("tune", help=text, description=text, parents=[common])
+    p.set_defaults(handler="gcs.cli_tune:main")
+    p.add_argument("--personality", choices=("px4", "ardupilot"), default="px4", help="whose responses (default: px4)")
+    p.add_argument("--velocity", metavar="DEAD,TAU", help="your vehicle's answer to a step of velocity, s: 0.20,0.48")
+    p.add_argument("--yaw-rate", metavar="DEAD,TAU", help="its answer to a step of yaw rate, s: 0.05,0.45")
+    p.add_argument("--delay-ms", type=float, default=100.0, metavar="MS", help="from light to box (default: 100)")
+    p.add_argument("--fps", type=float, default=20.0, metavar="N", help="pictures a second (default: 20)")
+    p.add_argument("--noise-px", type=float, default=2.0, metavar="PX", help="of the tracker's box (default: 2)")
+    p.add_argument("--jobs", type=int, metavar="N", help="flights at a time (default: one for each core)")
+    p.add_argument("--out", metavar="FILE", help="write the gains there, as configuration (YAML)")
+    p.add_argument("--json", action="store_true", help="one JSON line on stdout")
 
 
 def _add_config(commands: Commands, common: Parser) -> None:
