@@ -146,7 +146,9 @@ class Orders:
         if tick.output.state in (State.FOLLOWING, State.COASTING):  # the vehicle was in external control before
             return ()
         better = {Cause.NO_DISTANCE: self._flight.control.confirm_problem, Cause.AUDIT: self._flight.why_unfit()}
-        return tuple(better.get(cause) or cause.value for cause in tick.output.reasons)
+        causes = tuple(better.get(cause) or cause.value for cause in tick.output.reasons)
+        gimbal = self._flight.gimbal
+        return causes if gimbal is None or not causes else (*causes, *gimbal.warnings(tick.t_s))
 
     async def _hold(self) -> str:
         if self._flight.control.is_engaged:

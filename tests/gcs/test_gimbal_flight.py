@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from control.engagement import State
+from gcs.errors import GcsError
 from gcs.gimbal import Hold
 from gcs.operator.orders import Abort
 from sitl_mocks.monitor import WireMonitor
@@ -166,6 +167,16 @@ def test_with_a_stale_attitude_nothing_is_followed() -> None:
         assert any("attitude is not heard" in warning for warning in flight.world.flight.status().warnings)
 
     fly(play, target=Walk(sine))
+
+
+def test_without_a_gimbals_attitude_a_confirmation_is_refused() -> None:
+    async def play(flight: Flight) -> None:
+        flight.mock.silent = True
+        await asyncio.sleep(1.0)
+        with pytest.raises(GcsError, match="the gimbal's attitude is not heard"):
+            await flight.follow()
+
+    fly(play)
 
 
 def test_a_gimbal_left_turning_by_a_program_that_died_is_stopped() -> None:
