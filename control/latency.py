@@ -35,10 +35,11 @@ _KNOWN_STD_S: Final = 0.012
 _LEAST_TURN_RPS: Final = 0.02  # rms of what is compared
 _LEAST_CORRELATION: Final = 0.7
 _CONTRADICTION: Final = 0.2  # an axis that turns as much as the others and correlates less than this
+_GAIN_RANGE: Final = (0.7, 1.4)
 _FASTEST_RPS: Final = 6.0  # no camera turns so; a cut in the video looks like that
 _ELSEWHERE_S: Final = 0.1  # so far away from the best candidate,
 _CLEARLY: Final = 2.0  # all must be so much worse: an oscillation fits at every of its periods
-_COLOURED: Final = 6.0  # so many errors in a row count as one: what causes them lasts
+_COLOURED: Final = 4.0  # so many errors in a row count as one: what causes them lasts
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +134,10 @@ class GlassDelayEstimator:
         self.estimate = self._judge()
 
     def _judge(self) -> DelayEstimate:
-        errors = np.maximum(self._measured2 - 2 * self._both + self._predicted2, 0.0)
-        cost = errors.sum(axis=1)
+        measured2, both, predicted2 = self._measured2.sum(), self._both.sum(axis=1), self._predicted2.sum(axis=1)
+        # A focal length that is a little wrong makes all rotation a little larger or smaller.
+        gain = np.clip(both / np.maximum(predicted2, 1e-12), *_GAIN_RANGE)
+        cost = np.maximum(measured2 - 2 * gain * both + gain**2 * predicted2, 0.0)
         best = int(np.argmin(cost))
         if self._seen_s < _LEAST_S or not 0 < best < len(cost) - 1:
             return UNKNOWN
