@@ -54,9 +54,10 @@ class FollowConfig:
     yaw_gain_ps: float = ranged(0.1, 2.5, 5.0)
     yaw_lag_s: float = ranged(0.0, 0.3, 1.0)  # of the vehicle's yaw-rate loop, answered ahead of time
     feed_forward_std_rps: float = ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
-    range_gain_ps: float = ranged(0.05, 0.35, 2.0)
-    target_velocity_gain: float = ranged(0.0, 0.95, 1.0)  # how far the vehicle moves along with the target
-    sideways_gain: float = ranged(0.0, 0.95, 1.0)  # the same for what it moves across, in follow mode
+    range_gain_ps: float = ranged(0.05, 0.3, 2.0)
+    target_velocity_gain: float = ranged(0.0, 1.0, 1.0)  # how far the vehicle moves along with the target
+    target_velocity_lag_s: float = ranged(0.0, 1.5, 5.0)  # smoothing of it: what turns round sooner is not followed
+    sideways_gain: float = ranged(0.0, 0.3, 1.0)  # the same for what it moves across, in follow mode
     target_velocity_std_mps: float = ranged(0.1, 10.0, 20.0)  # std of it at which half is left
     rate_lag_s: float = ranged(0.0, 0.6, 2.0)  # how late the filter's rates are, for matching own velocity
     # How far size may differ from what height and depression say: ln of the distance, its rate, and on top of the

@@ -78,7 +78,7 @@ def _hold_distance(scene: Scene, tangential_mps: float) -> Wish:
     """Hold the standoff, never close in on a guess, and move across as the mode says."""
     config, target, motion, confirmation = scene.config, scene.target, scene.motion, scene.confirmation
     wanted = config.range_gain_ps * (motion.distance_m - confirmation.standoff_m)
-    wanted += config.target_velocity_gain * motion.radial_mps - confirmation.standoff_rate_mps(config)
+    wanted += config.target_velocity_gain * motion.steady_radial_mps - confirmation.standoff_rate_mps(config)
     closing = limit_closing(wanted, motion, target, config, scene.coasting)
     radial, names = closing.radial_mps, closing.names
     trust = confidence_factor(target.confidence, config)

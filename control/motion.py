@@ -15,7 +15,7 @@ class TargetMotion:
     """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread.
 
     nearest_m: the least that size, or height and depression, say of the distance. sure_radial_mps: the largest
-    radial velocity that one of the two tells.
+    radial velocity that one of the two tells. steady_radial_mps: what is worth going along with.
     """
 
     distance_m: float
@@ -25,14 +25,20 @@ class TargetMotion:
     tangential_mps: float
     own_radial_mps: float
     own_tangential_mps: float
+    steady_radial_mps: float
 
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """The target's radial velocity as believed at t_s, and for how long (s) nothing whole was seen of it."""
+    """The target's radial velocity as believed at t_s, and for how long (s) nothing whole was seen of it.
+
+    steady_mps: the same smoothed. A vehicle that answers a second late and gains 2.5 m/s each second only makes the
+    distance worse by going along with what turns round every few seconds.
+    """
 
     t_s: float
     radial_mps: float
+    steady_mps: float
     blind_s: float = 0.0
 
 
@@ -74,15 +80,17 @@ def target_motion(
         opening = min(max(opening, ground_ps - slack_ps), ground_ps + slack_ps)
     spread = config.target_velocity_std_mps
     radial_fade = fade(distance * target.log_size_rate_std_ps, spread)
+    radial_mps = (own_radial + distance * opening) * radial_fade
     return TargetMotion(
         distance_m=distance,
         nearest_m=nearest,
-        radial_mps=(own_radial + distance * opening) * radial_fade,
+        radial_mps=radial_mps,
         sure_radial_mps=(own_radial + distance * sure) * radial_fade,
         tangential_mps=(own_tangential + distance * target.azimuth_rate_rps)
         * fade(distance * target.azimuth_rate_std_rps, spread),
         own_radial_mps=own_radial,
         own_tangential_mps=own_tangential,
+        steady_radial_mps=radial_mps,
     )
 
 
@@ -94,7 +102,7 @@ def believe(before: Belief | None, motion: TargetMotion, trust: float, now_s: fl
     say that it comes nearer, that is believed at once.
     """
     if before is None:
-        return Belief(now_s, motion.radial_mps)
+        return Belief(now_s, motion.radial_mps, 0.0)
     dt_s = max(now_s - before.t_s, 0.0)
     blind_s = before.blind_s + dt_s if trust < 0.5 else 0.0
     kept = before.radial_mps
@@ -105,7 +113,8 @@ def believe(before: Belief | None, motion: TargetMotion, trust: float, now_s: fl
     limited = before.radial_mps + min(max(wanted - before.radial_mps, -step), step)
     if trust >= 0.5:
         limited = min(limited, motion.sure_radial_mps + config.approach_margin_mps)
-    return Belief(now_s, limited, blind_s)
+    share = 1 - math.exp(-dt_s / max(config.target_velocity_lag_s, 1e-3))
+    return Belief(now_s, limited, before.steady_mps + share * (limited - before.steady_mps), blind_s)
 
 
 def fade(std: float, half_at: float) -> float:

@@ -2,11 +2,13 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 
 from control.closing import confidence_factor, stoppable_speed_mps
 from control.field_of_view import view_acceleration_mps2
+from control.modes import FollowMode
 from control.motion import target_motion
 
 from .follow_rig import CAMERA, CONFIG, confirmed, target, wish
@@ -83,3 +85,43 @@ def test_acceleration_is_bounded_by_what_the_picture_has_room_for():
     least = CONFIG.min_acceleration_mps2
     assert view_acceleration_mps2(1.0, CAMERA, CONFIG)[1] == least
     assert view_acceleration_mps2(-1.5, CAMERA, CONFIG)[0] == -least
+
+
+@pytest.mark.parametrize("mode", [m for m in FollowMode if m.holds_distance])
+@pytest.mark.parametrize("approach", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("distance", [4.0, 6.0, 9.0])
+def test_together_they_never_close_in_faster_than_can_be_stopped(mode, approach, distance):
+    """margin = v * response + v² / (2 a) with a constant deceleration needs less; the law is the stricter v² / a."""
+    size = -2.5 + math.log(math.hypot(15, 5) / math.hypot(distance, 5))
+    near = wish(
+        mode=mode, confirmation=replace(confirmed(mode), standoff_m=3.6), log_size=size,
+        elevation_rad=-math.atan2(5, distance), log_size_rate_ps=approach / distance, own=(2.0, 0.0, 0.0),
+        elevation_rate_rps=0.0, config=CONFIG,
+    )  # fmt: skip
+    own = near.velocity_ned_mps[0]
+    motion = target_motion(
+        confirmed(mode), target(log_size=size, elevation_rad=-math.atan2(5, distance),
+        log_size_rate_ps=approach / distance), (2.0, 0.0, 0.0), CONFIG, distance,
+    )  # fmt: skip
+    closing = own - min(motion.radial_mps, 0.0)
+    margin = distance - CONFIG.min_distance_m
+    assert closing <= 1e-9 or closing * CONFIG.response_s + closing**2 / CONFIG.braking_mps2 <= margin + 1e-6
+
+
+@pytest.mark.parametrize("mode", [m for m in FollowMode if m.holds_distance])
+@pytest.mark.parametrize("limit", ["coasting", "confidence", "collision", "too near"])
+def test_no_mode_closes_in_where_none_may(mode, limit):
+    changes = {
+        "coasting": {"coasting": True, "log_size": -3.0},
+        "confidence": {"confidence": 0.35, "log_size": -3.0},
+        "collision": {"log_size_rate_ps": 0.4, "log_size": -3.0},
+        "too near": {"log_size": -2.5 + math.log(15 / 2.9)},
+    }[limit]
+    for azimuth in (0.0, 0.4):
+        north, east, _ = wish(mode=mode, azimuth_rad=azimuth, **changes).velocity_ned_mps
+        assert north * math.cos(azimuth) + east * math.sin(azimuth) <= 1e-9
+
+
+def test_a_collision_less_than_three_seconds_away_brakes_and_one_further_off_does_not():
+    for rate in (0.2, 0.3, 0.36, 0.5):
+        assert wish(log_size_rate_ps=rate, log_size=-2.5).brake == (1 / rate < CONFIG.time_to_collision_s)
