@@ -100,6 +100,10 @@ def test_truth_as_the_simulator_writes_it(tmp_path: Path) -> None:
     assert rows == [TruthRow(12.5, (1, 2, -3), 0.5, (5, 6, 0), (1, 2, 3, 4), 0.9)]
 
 
+def test_on_a_gimbal_it_is_the_cameras_heading_that_counts() -> None:
+    assert parse_truth({**LINE, "camera": {"roll_pitch_yaw_rad": [0, -0.4, 0.9]}}).yaw_rad == 0.9
+
+
 def test_truth_that_lacks_something_is_named() -> None:
     with pytest.raises(GcsError, match="visible_frac"):
         parse_truth({key: value for key, value in LINE.items() if key != "visible_frac"})

@@ -6,6 +6,8 @@ import math
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from control.attitude import AttitudeBuffer
 from control.gimbal import GimbalLimits, GimbalRequest
@@ -69,6 +71,12 @@ def test_limits_as_told_and_none_where_they_are_nonsense() -> None:
     tilts = gimbal_codec.manager_of(received(information(flags=32), 1), VEHICLE)
     assert not tilts.limits.has_yaw
     assert gimbal_codec.manager_of(received(information(device=1), 1), VEHICLE).device == VEHICLE
+
+
+@given(st.lists(st.floats(width=32), min_size=4, max_size=4), st.integers(0, 0xFFFF))
+def test_whatever_comes_is_an_attitude_or_none(q: list[float], flags: int) -> None:
+    seen = gimbal_codec.attitude(status(flags=flags, q=q))
+    assert seen is None or all(map(math.isfinite, (seen.roll_rad, seen.pitch_rad, seen.yaw_rad)))
 
 
 def test_rates_leave_as_pitch_and_yaw_rates_alone() -> None:

@@ -145,16 +145,21 @@ def test_it_ends_cleanly_with_its_stdin_if_told_to(tmp_path: Path) -> None:
     assert json.loads(summary.read_text())["scenario"] == "demo"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_the_process_flies_films_and_ends_cleanly(tmp_path: Path, number: signal.Signals) -> None:
+@pytest.mark.parametrize(
+    ("number", "more", "mount_deg"), [(signal.SIGTERM, [], 0.0), (signal.SIGINT, ["--gimbal"], -28.0)]
+)
+def test_the_process_flies_films_and_ends_cleanly(
+    tmp_path: Path, number: signal.Signals, more: list[str], mount_deg: float
+) -> None:
     truth, summary = tmp_path / "truth.jsonl", tmp_path / "summary.json"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         station.settimeout(10)
         port = station.getsockname()[1]
-        flags = ["--mavlink", f"127.0.0.1:{port}", "--start-in-air", "--fps", "10"]
+        flags = ["--mavlink", f"127.0.0.1:{port}", "--start-in-air", "--fps", "10", *more]
         with _simulator(*flags, "--truth", str(truth), "--summary", str(summary)) as (process, ready):
             assert ready["ready"] is True
+            assert ready["camera"]["gimbal"] is bool(more)
             assert ready["mavlink"] == f"udpin://127.0.0.1:{port}"
             assert mavlink.MAVLink(None).decode(bytearray(station.recv(2048))).get_srcSystem() == 1
             capture = cv2.VideoCapture(ready["video_url"], cv2.CAP_FFMPEG)
@@ -169,6 +174,7 @@ def test_the_process_flies_films_and_ends_cleanly(tmp_path: Path, number: signal
     assert rows[0]["vehicle"]["position_ned_m"] == [0.0, 0.0, -9.0]
     assert rows[0]["target"]["position_ned_m"] == [17.5, 1.75, 0.0]
     assert len(rows[0]["box_px"]) == 4
+    assert rows[0]["camera"]["roll_pitch_yaw_rad"][1] == pytest.approx(math.radians(mount_deg), abs=0.01)
     written = json.loads(summary.read_text())
     assert written["frames"] == len(rows)
     assert written["monitor"]["unsafe"] == 0
