@@ -14,7 +14,7 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn, TypeAlias
 
-from gcs import cli_keys
+from gcs import cli_keys, cli_scenarios
 from gcs.cli_vehicle import add_vehicle
 from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, GcsError, one_line
 
@@ -87,6 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_tune(commands, common)
     _add_config(commands, common)
     cli_keys.add_parser(commands, common)
+    cli_scenarios.add_parser(commands, common)
     return parser
 
 

@@ -18,12 +18,13 @@ def plot(path: Path, truth: Sequence[TruthRow], spans: Sequence[Span], title: st
     figure = Figure(figsize=(12, 6), dpi=100, layout="constrained")
     above, bearing, distance = figure.subplot_mosaic([["above", "bearing"], ["above", "distance"]]).values()
     figure.suptitle(title)
-    _from_above(above, truth, spans)
-    _errors(bearing, distance, truth, spans)
+    draw_from_above(above, truth, spans)
+    draw_errors(bearing, distance, truth, spans)
     figure.savefig(path)
 
 
-def _from_above(axes: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> None:
+def draw_from_above(axes: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> None:
+    """Paths from above, lines of sight while following."""
     axes.plot([r.target_ned_m[1] for r in truth], [r.target_ned_m[0] for r in truth], color="tab:red", label="target")
     axes.plot([r.vehicle_ned_m[1] for r in truth], [r.vehicle_ned_m[0] for r in truth], color="0.6", label="vehicle")
     for number, span in enumerate(spans):
@@ -50,7 +51,8 @@ def _from_above(axes: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> 
     axes.legend(loc="best", fontsize="small")
 
 
-def _errors(bearing: Any, distance: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> None:
+def draw_errors(bearing: Any, distance: Any, truth: Sequence[TruthRow], spans: Sequence[Span]) -> None:
+    """Both errors over the time since the first confirmation."""
     start_s = spans[0].start_s if spans else 0.0
     for span in spans:
         rows = [r for r in truth if span.start_s <= r.t_s <= span.end_s]

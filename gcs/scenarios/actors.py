@@ -9,6 +9,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from sitl_mocks.scenario import load
 from sitl_mocks.world import PATH_HORIZON_S, Actor, Kind, ObjectState, Path, Pose, Segment, SpeedProfile, World
@@ -59,7 +60,11 @@ def world(seed: int, *actors: Actor) -> World:
 
 def recorded(name: str) -> Build:
     """The world of a scenario file of the mocks."""
-    return lambda seed: load(name, seed).world
+    return partial(_recorded, name)
+
+
+def _recorded(name: str, seed: int) -> World:
+    return load(name, seed).world
 
 
 def sine(seed: int) -> World:
@@ -81,8 +86,11 @@ def to_and_fro(seed: int) -> World:
 
 def straight(speeds: Speeds, heading_deg: float = 0.0, *, car: bool = False) -> Build:
     """From 15 m ahead in a straight line."""
-    start = Pose(AHEAD_M, 0.0, math.radians(heading_deg))
-    return lambda seed: world(seed, _target(start, (Segment(100.0),), speeds, car=car))
+    return partial(_straight, speeds, math.radians(heading_deg), car)
+
+
+def _straight(speeds: Speeds, heading_rad: float, car: bool, seed: int) -> World:
+    return world(seed, _target(Pose(AHEAD_M, 0.0, heading_rad), (Segment(100.0),), speeds, car=car))
 
 
 def zigzag_away(seed: int) -> World:
@@ -111,19 +119,20 @@ def crossing(seed: int) -> World:
 
 def dash(north_m: float, east_m: float, down_m: float, at_s: float = 8.0) -> Build:
     """Walks on, and from at_s on is out of the picture for two seconds: so far away within half a second."""
+    return partial(_dash, (north_m, east_m, down_m), at_s)
 
+
+def _dash(away_ned_m: tuple[float, float, float], at_s: float, seed: int) -> World:
     def shift(t_s: float) -> tuple[float, float, float]:
         out = min(max((t_s - at_s) / 0.5, 0.0), 1.0) - min(max((t_s - at_s - 2.5) / 0.5, 0.0), 1.0)
+        north_m, east_m, down_m = away_ned_m
         return north_m * out, east_m * out, down_m * out
 
-    def build(seed: int) -> World:
-        speeds = SpeedProfile(((0.0, 0.0), (2.0, 1.5)))
-        path = Path(Pose(AHEAD_M, 0.0, 0.0), (Segment(100.0),), speeds.at(PATH_HORIZON_S)[1])
-        actor = Moved("target", Kind.PERSON, _POST_M, _ORANGE, path, speeds)
-        actor.shift = shift
-        return world(seed, actor)
-
-    return build
+    speeds = SpeedProfile(((0.0, 0.0), (2.0, 1.5)))
+    path = Path(Pose(AHEAD_M, 0.0, 0.0), (Segment(100.0),), speeds.at(PATH_HORIZON_S)[1])
+    actor = Moved("target", Kind.PERSON, _POST_M, _ORANGE, path, speeds)
+    actor.shift = shift
+    return world(seed, actor)
 
 
 def hill(seed: int) -> World:

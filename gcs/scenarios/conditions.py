@@ -42,7 +42,7 @@ class Conditions:
 
     delay_s: from light to box, tracker included. delay_error_s: how much more of it the station believes in. mode:
     None is the scenario's own. link_delay_s: each way. airframe: None is the autopilot's as measured. attitude_rate_hz:
-    the most that the vehicle sends; None: as asked.
+    the most that the vehicle sends; None: as asked. gimbal: the camera is on one, not fixed.
     """
 
     seed: int = 1
@@ -60,4 +60,5 @@ class Conditions:
     link_delay_s: float = DELAY_S
     attitude_rate_hz: float | None = None
     airframe: Airframe | None = None
+    gimbal: bool = False
     config: ControlConfig = field(default_factory=default_config)

@@ -8,10 +8,11 @@ import math
 import random
 from collections.abc import Coroutine
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, Final
 
 from control.engagement import State
-from gcs.config import Config, TrackerConfig
+from gcs.config import Config, GimbalConfig, TrackerConfig
 from gcs.errors import GcsError
 from gcs.flight_control import Wanted
 from gcs.flight_orders import Orders
@@ -27,8 +28,9 @@ from gcs.scenarios.naive import NaiveLaw, gain_ps, yaw_tau_s
 from gcs.scenarios.stage import Stage, outlines
 from gcs.tracking import make_tracker
 from sitl_mocks.dynamics import ARDUPILOT, PX4, Disturbance
+from sitl_mocks.lens import Lens
 from sitl_mocks.link_faults import Conditions as LinkConditions
-from sitl_mocks.vehicle import Personality
+from sitl_mocks.vehicle import MockGimbal, Personality
 from tracker.box import Box
 
 _READY_S: Final = 1.0  # streams flow, attitude is known
@@ -104,33 +106,42 @@ def _setup(scenario: Scenario, conditions: Conditions) -> Setup:
         control = replace(control, limits=limits, follow=replace(control.follow, max_speed_mps=scenario.faster_mps))
     # A lossy link makes steps of velocity look quicker than they left.
     steady = conditions.loss_frac == 0.0
-    limits = replace(
+    judged = replace(
         LIMITS,
         fence_radius_m=FENCE_M,
         height_min_m=2.0,
         accel_max_mps2=LIMITS.accel_max_mps2 if steady else math.inf,
         yaw_accel_max_rps2=LIMITS.yaw_accel_max_rps2 if steady else math.inf,
     )
+    lens = _lens(scenario, conditions)
     return Setup(
         conditions.seed,
         conditions.personality,
-        Config(camera=camera_of(scenario.lens, max(glass_s, 0.0)), control=control),
+        Config(
+            camera=camera_of(lens, max(glass_s, 0.0)), gimbal=GimbalConfig(enabled=conditions.gimbal), control=control
+        ),
         scenario.height_m,
-        limits,
-        lens=scenario.lens,
+        judged,
+        lens=lens,
         link=LinkConditions(loss_frac=conditions.loss_frac, delay_s=conditions.link_delay_s),
         airframe=conditions.airframe,
         disturbance=Disturbance(conditions.wind_ned_mps, conditions.gust_mps, seed=conditions.seed),
         attitude_rate_hz=conditions.attitude_rate_hz,
         tick_s=_TICK_S,
+        gimbal=partial(MockGimbal, pitch_rad=scenario.lens.mount_pitch_rad) if conditions.gimbal else None,
     )
+
+
+def _lens(scenario: Scenario, conditions: Conditions) -> Lens:
+    """A gimbal begins where the fixed camera would look."""
+    return replace(scenario.lens, mount_pitch_rad=0.0) if conditions.gimbal else scenario.lens
 
 
 def _eyes(scenario: Scenario, conditions: Conditions, stage: Stage) -> StageEyes:
     real = conditions.tracker is TrackerKind.REAL
     eyes = (PaintedEyes if real else StageEyes)(
         random.Random(conditions.seed + 5),
-        scenario.lens,
+        _lens(scenario, conditions),
         fps=conditions.fps,
         glass_s=max(conditions.delay_s - _TRACK_S, 0.0),
         track_s=_TRACK_S,
@@ -170,7 +181,7 @@ async def _engage(world: World, stage: Stage, scenario: Scenario, conditions: Co
 
 
 def _true_box(world: World, stage: Stage) -> Box:
-    seen = outlines([stage.target], world.vehicle.pose(), world.setup.lens)
+    seen = outlines([stage.target], world.vehicle.pose().of_camera, world.setup.lens)
     return seen[0].box if seen else Box(320.0, 240.0, 40.0, 40.0)
 
 
@@ -204,7 +215,7 @@ class _Recorder:
             t_s,
             self._stage.t_s,
             pose.position_ned_m,
-            pose.yaw_rad,
+            pose.of_camera.yaw_rad,
             self._stage.position_ned_m,
             tick.output.state if tick is not None else State.IDLE,
             eyes.newest.box is not None if eyes.newest is not None else False,
