@@ -8,12 +8,12 @@ from typing import Final
 
 from control.checks import vector
 from control.fence import Point
-from control.motion import TargetMotion
 from control.types import TargetState, Vec3
 
 # WGS84: equatorial radius (m) and first eccentricity squared.
 _RADIUS_M: Final = 6_378_137.0
 _ECCENTRICITY2: Final = 6.694_379_990_14e-3
+_TIME_CONSTANT_S: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,19 +29,20 @@ class TargetFix:
     std_ned_m: Vec3
 
 
-def target_fix(target: TargetState, motion: TargetMotion) -> TargetFix | None:
-    """The line of sight, made as long as the follow law believes it to be; None where that is no number.
+def target_fix(
+    target: TargetState, distance_m: float, radial_mps: float = 0.0, tangential_mps: float = 0.0
+) -> TargetFix | None:
+    """The line of sight to a ground distance, as the follow law believes it; None where that is no number.
 
     The target moves on level ground: its velocity down is taken to be zero. Spread: bearing's and elevation's
     times the distance across the line of sight, the size's along it.
     """
-    distance, (c, s) = motion.distance_m, (math.cos(target.azimuth_rad), math.sin(target.azimuth_rad))
+    c, s = math.cos(target.azimuth_rad), math.sin(target.azimuth_rad)
     slope = math.tan(target.elevation_rad)
-    offset = (distance * c, distance * s, -distance * slope)
-    radial, tangential = motion.radial_mps, motion.tangential_mps
-    velocity = (radial * c - tangential * s, radial * s + tangential * c, 0.0)
-    along_m, across_m = distance * target.log_size_std, distance * target.azimuth_std_rad
-    rise_m = distance * target.elevation_std_rad / math.cos(target.elevation_rad) ** 2
+    offset = (distance_m * c, distance_m * s, -distance_m * slope)
+    velocity = (radial_mps * c - tangential_mps * s, radial_mps * s + tangential_mps * c, 0.0)
+    along_m, across_m = distance_m * target.log_size_std, distance_m * target.azimuth_std_rad
+    rise_m = distance_m * target.elevation_std_rad / math.cos(target.elevation_rad) ** 2
     std = (
         math.hypot(along_m * c, across_m * s),
         math.hypot(along_m * s, across_m * c),
@@ -80,6 +81,8 @@ def _per_radian_m(latitude_deg: float) -> Point:
 class Aim:
     """The target as it is told to the vehicle, NED metres from any fixed origin; it never jumps.
 
+    A critically damped alpha-beta filter over the places where it was seen. Its velocity does not, as the follow
+    law's, contain the vehicle's own, which turns quickly where the vehicle's own mode takes it round the target.
     seen_velocity_ned_mps: when it was last seen; velocity_ned_mps: as told.
     """
 
@@ -95,10 +98,15 @@ class Aim:
         velocity = _at_most(velocity_ned_mps, most_mps)
         return cls(t_s, position_ned_m, velocity, std_ned_m, velocity)
 
-    def seen(self, t_s: float, position_ned_m: Vec3, velocity_ned_mps: Vec3, std_ned_m: Vec3, most_mps: float) -> Aim:
-        """It is seen there: what is told goes there, at most_mps at the most."""
-        step = _at_most(_minus(position_ned_m, self.position_ned_m), most_mps * max(t_s - self.t_s, 0.0))
-        return Aim.begin(t_s, _plus(self.position_ned_m, step), velocity_ned_mps, std_ned_m, most_mps)
+    def seen(self, t_s: float, position_ned_m: Vec3, std_ned_m: Vec3, most_mps: float) -> Aim:
+        """It is seen there: what is told goes there, on level ground, at most_mps at the most."""
+        dt_s = max(t_s - self.t_s, 1e-3)
+        kept = math.exp(-dt_s / _TIME_CONSTANT_S)
+        error = _minus(position_ned_m, _plus(self.position_ned_m, _times(self.seen_velocity_ned_mps, dt_s)))
+        north, east, _ = _plus(self.seen_velocity_ned_mps, _times(error, (1.0 - kept) ** 2 / dt_s))
+        step = _plus(_times(self.seen_velocity_ned_mps, dt_s), _times(error, 1.0 - kept**2))
+        place = _plus(self.position_ned_m, _at_most(step, most_mps * dt_s))
+        return Aim.begin(t_s, place, (north, east, 0.0), std_ned_m, most_mps)
 
     def fading(self, t_s: float, factor: float) -> Aim:
         """It is not seen: it goes on as it went, at so much of its speed; factor 0: it stands still."""

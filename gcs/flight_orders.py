@@ -140,6 +140,8 @@ class Orders:
         confirmation = flight.control.confirmation
         if confirmation is None or not flight.control.is_engaged:
             raise RefusedError("not following: it was aborted at the same moment")
+        if flight.output.label:
+            return f"{confirmation.mode.value} confirmed, by {flight.output.label}"
         return f"{confirmation.mode.value} confirmed at {confirmation.standoff_m:.1f} m"
 
     def _why_not(self, tick: Tick) -> tuple[str, ...]:

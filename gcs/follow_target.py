@@ -92,8 +92,11 @@ class FollowTargetOutput:
     def _seen(self, tick: Tick) -> Aim | None:
         """None where its place cannot be told."""
         place, limits = self._telemetry.place, self._limits
-        fix = None if tick.target is None or tick.motion is None else target_fix(tick.target, tick.motion)
-        if fix is None or place is None or not fresh(place.t_s, tick.t_s, limits.telemetry_age_s):
+        target, motion = tick.target, tick.motion
+        if target is None or motion is None or place is None:
+            return None
+        fix = target_fix(target, motion.distance_m, motion.radial_mps, motion.tangential_mps)
+        if fix is None or not fresh(place.t_s, tick.t_s, limits.telemetry_age_s):
             return None
         origin = self._origin = self._origin or place
         at = (*offset_from_m(place.deg, origin.deg), origin.altitude_m - place.altitude_m)
@@ -104,8 +107,10 @@ class FollowTargetOutput:
         )
         if math.hypot(north, east, down) > _FLAT_M:
             return None
-        seen = (tick.t_s, (north, east, down), fix.velocity_ned_mps, fix.std_ned_m, limits.max_speed_mps)
-        return Aim.begin(*seen) if self._aim is None else self._aim.seen(*seen)
+        place_m, most_mps = (north, east, down), limits.max_speed_mps
+        if self._aim is None:
+            return Aim.begin(tick.t_s, place_m, fix.velocity_ned_mps, fix.std_ned_m, most_mps)
+        return self._aim.seen(tick.t_s, place_m, fix.std_ned_m, most_mps)
 
     def _publish(self, setpoint: Setpoint) -> None:
         """Ten times a second, and at once when it stops."""

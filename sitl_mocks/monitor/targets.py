@@ -48,7 +48,7 @@ class Targets:
     @staticmethod
     def still(message: Any) -> bool:
         """It is said to stand."""
-        return max(map(abs, message.vel)) < _STILL
+        return bool(max(map(abs, message.vel)) < _STILL)
 
     def _place_m(self, message: Any) -> tuple[float, float, float]:
         latitude, longitude = message.lat / 1e7, message.lon / 1e7

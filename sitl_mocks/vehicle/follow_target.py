@@ -34,7 +34,7 @@ def parse_target(message: Any, position_ned_m: Vec3, now_s: float) -> Heard | No
     if not message.est_capabilities & _POSITION or message.lat == message.lon == 0:
         return None
     velocity = tuple(message.vel) if message.est_capabilities & _VELOCITY else (0.0, 0.0, 0.0)
-    return Heard(now_s, message.get_srcSystem(), position_ned_m, velocity)  # type: ignore[arg-type]
+    return Heard(now_s, message.get_srcSystem(), position_ned_m, velocity)
 
 
 @dataclass(slots=True)
