@@ -94,14 +94,13 @@ class Flight:
             attitude = self.gimbal.attitude
         backend, limits = config.vehicle.backend, config.control.limits
         self.output = output_of(backend, link.wire, link.telemetry, self.camera, limits)
-        on_gimbal, steers = config.gimbal.enabled, self.output.steers
-        self.control = FollowControl(config.control, self.camera, attitude, on_gimbal=on_gimbal, steers=steers)
         self.glass = GlassDelay(config.camera.glass_delay_s, self.camera, attitude)
+        how = {"on_gimbal": config.gimbal.enabled, "steers": self.output.steers, "delay_given": self.glass.is_given}
+        self.control = FollowControl(config.control, self.camera, attitude, **how)
         self.vision = Vision(source, tracker, clock, self._deliver, self._expected, self.glass.correction_s)
         self._budgets = BudgetDisplay()
         self.tick: Tick | None = None
         self.seen: Seen | None = None
-        self._source = source
         self.watchers = watchers
         self._loop: asyncio.AbstractEventLoop | None = None
         self._spawn: Spawn | None = None

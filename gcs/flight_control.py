@@ -46,10 +46,12 @@ class FollowControl:
         *,
         on_gimbal: bool = False,
         steers: bool = True,
+        delay_given: bool = True,
     ) -> None:
         """attitude: the camera's where it is on a gimbal, else the vehicle's.
 
-        steers: False where the vehicle flies by its own follow mode and a setpoint only permits it.
+        steers: False where the vehicle flies by its own follow mode and a setpoint only permits it. delay_given: see
+        `Sight`.
         """
         self._steers = steers
         self._config = config
@@ -57,7 +59,8 @@ class FollowControl:
         self.gimbal: GimbalState | None = None  # as of the next tick
         self._drawn, self._home_deg = config.limits.fence, (0.0, 0.0)
         self.fence_problem = "the fence is given in degrees, and the vehicle's home is not known yet"
-        self.sight = Sight(config.estimator, camera, attitude, kept_centred=on_gimbal or not steers)
+        centred = on_gimbal or not steers
+        self.sight = Sight(config.estimator, camera, attitude, kept_centred=centred, delay_given=delay_given)
         self._engagement = Engagement(config.engagement)
         self._echo = EchoMonitor()
         self._last_tick_s: float | None = None

@@ -29,6 +29,11 @@ class GlassDelay:
         self._t_s = 0.0
 
     @property
+    def is_given(self) -> bool:
+        """Not to be estimated."""
+        return self._given_s is not None
+
+    @property
     def estimate(self) -> DelayEstimate:
         """What the pictures tell."""
         return self._estimator.estimate
