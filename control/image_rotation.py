@@ -62,10 +62,12 @@ def rotation_of_flow(camera: CameraModel, flow: Flow, down_camera: Array) -> Arr
 
 def _robust_fit(across: Array, downward: Array, moved: Array, least: float) -> tuple[Array | None, float]:
     """Reweighted least squares (Geman and McClure) for the six unknowns; and the share of points that agree."""
-    weight, middle = np.ones(len(moved)), len(moved) // 2
+    weight: Array = np.ones(len(moved))
+    middle = len(moved) // 2
     prior = np.diag([0.0, 0.0, 0.0, *[(least / _STEP_STD) ** 2] * 3])
-    motion: Array | None = None
-    error, scale = np.zeros(len(moved)), least
+    motion: Array = np.zeros(6)
+    error: Array = np.zeros(len(moved))
+    scale = least
     for _ in range(_FIT_STEPS):
         wa, wd = across * weight[:, None], downward * weight[:, None]
         normal = wa.T @ across + wd.T @ downward + prior
