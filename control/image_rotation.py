@@ -72,7 +72,7 @@ def _robust_fit(across: Array, downward: Array, moved: Array, least: float) -> t
         wa, wd = across * weight[:, None], downward * weight[:, None]
         normal = wa.T @ across + wd.T @ downward + prior
         try:
-            motion = np.linalg.solve(normal, wa.T @ moved[:, 0] + wd.T @ moved[:, 1])
+            motion = np.asarray(np.linalg.solve(normal, wa.T @ moved[:, 0] + wd.T @ moved[:, 1]), np.float64)
         except np.linalg.LinAlgError:
             return None, 0.0
         error = np.hypot(moved[:, 0] - across @ motion, moved[:, 1] - downward @ motion)
