@@ -34,6 +34,7 @@ from sitl_mocks.vehicle import MockGimbal, Personality
 from tracker.box import Box
 
 _READY_S: Final = 1.0  # streams flow, attitude is known
+_HEARD_S: Final = 5.0  # until a heartbeat has come through a lossy link
 _LOOK_S: Final = 0.6  # between select and confirm
 _TRACK_S: Final = 0.02
 _EVERY_STEPS: Final = 5
@@ -94,7 +95,7 @@ async def _beside(work: Coroutine[Any, Any, None], *tasks: asyncio.Task[None]) -
 
 
 async def _station(world: World) -> None:
-    await world.wire.wait_vehicle(_READY_S)
+    await world.wire.wait_vehicle(_HEARD_S)
     await world.flight.run()
 
 
@@ -165,7 +166,7 @@ async def _engage(world: World, stage: Stage, scenario: Scenario, conditions: Co
     """The operator draws the true box and confirms; the world moves from then on."""
     orders = Orders(world.flight)
     world.flight.control.wanted = Wanted(mode=conditions.mode or scenario.mode)
-    await world.wire.wait_vehicle(_READY_S)
+    await world.wire.wait_vehicle(_HEARD_S)
     await asyncio.sleep(_READY_S)
     for _ in range(_TRIES):
         flown.refusal = ""
