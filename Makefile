@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test faults soak clean
+.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
@@ -17,6 +17,8 @@ help:
 	@echo "make fuzz    a million damaged packets, ten thousand videos, configurations, weights (6 to 15 minutes)"
 	@echo "make faults  break everything that can break in flight; table in out/faults (about half an hour)"
 	@echo "make soak    an hour of flight on a fake clock: does memory grow, is a tick late?"
+	@echo "make scenarios   closed-loop flights in simulated time, compared with the committed figures (a minute)"
+	@echo "make scenarios-all   all of them, and flights drawn by lot; table and pictures in out/scenarios"
 	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
 
 setup: $(STAMP)
@@ -73,6 +75,13 @@ faults: $(STAMP)
 
 soak: $(STAMP)
 	$(BIN)/python -m tests.soak
+
+scenarios: $(STAMP)
+	$(BIN)/gcs scenarios --out out/scenarios $(ARGS)
+
+scenarios-all: $(STAMP)
+	$(BIN)/gcs scenarios --all --out out/scenarios $(ARGS)
+	$(BIN)/gcs scenarios --occlusions 100 --random 1000
 
 clean:
 	rm -rf $(VENV) build dist out

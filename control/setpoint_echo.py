@@ -62,9 +62,9 @@ class EchoMonitor:
 
     def _note(self, t_s: float, echo_ned_mps: Vec3) -> None:
         self._echo_t_s = t_s
-        alike_s = [at_s for at_s, sent in self._sent if _alike(sent, echo_ned_mps)]
-        if alike_s:
-            self._known_s = max(self._known_s, alike_s[-1])
+        newest_s = next((at_s for at_s, sent in reversed(self._sent) if _alike(sent, echo_ned_mps)), None)
+        if newest_s is not None:
+            self._known_s = max(self._known_s, newest_s)
         elif not _alike((0.0, 0.0, 0.0), echo_ned_mps):
             self._strange_s.append(t_s)
 

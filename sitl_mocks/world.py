@@ -89,6 +89,10 @@ class Path:
         return self._segments[index].advance(self._starts[index], s_m - self._offsets_m[index])
 
 
+def _time_of(point: tuple[float, float]) -> float:
+    return point[0]
+
+
 class SpeedProfile:
     """Speed over time, linear between (t_s, speed_mps) points; the last speed lasts."""
 
@@ -108,7 +112,7 @@ class SpeedProfile:
         """(speed_mps, distance_m travelled) at t_s; before zero it stands at the start."""
         if t_s <= 0.0:
             return 0.0, 0.0
-        index = bisect_right([t for t, _ in self._points], t_s) - 1
+        index = bisect_right(self._points, t_s, key=_time_of) - 1
         t0, v0 = self._points[index]
         dt_s = t_s - t0
         if index + 1 == len(self._points):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass, field
+from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -13,6 +14,12 @@ from sitl_mocks.monitor import Vec3
 _STILL = 1e-6
 _SILENCE_S = 0.5
 _ACCELERATION_MPS2 = 4.0
+
+
+def _robust_parser() -> Any:
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    return parser
 
 
 @dataclass(slots=True)
@@ -24,13 +31,12 @@ class Exit:
     faults: list[str] = field(default_factory=list)  # what no link can have done: a step, a follow begun anew
     ended: bool = False  # the station has said that the follow is over
     digest: int = 0
+    _parser: Any = field(init=False, repr=False, default_factory=_robust_parser)
 
     def note(self, now_s: float, datagram: bytes) -> None:
         """One datagram left at now_s."""
         self.digest = zlib.crc32(datagram, self.digest ^ round(now_s * 1e6) & 0xFFFFFFFF)
-        parser = mavlink.MAVLink(None)
-        parser.robust_parsing = True
-        for message in parser.parse_buffer(bytearray(datagram)) or ():
+        for message in self._parser.parse_buffer(bytearray(datagram)) or ():
             if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                 before, self.velocity_ned_mps = self.velocity_ned_mps, (message.vx, message.vy, message.vz)
                 dt_s = now_s - self.setpoints[-1][0] if self.setpoints else math.inf

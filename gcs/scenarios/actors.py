@@ -102,15 +102,15 @@ def zigzag_away(seed: int) -> World:
 
 
 def u_turn(seed: int) -> World:
-    """Away at 5 m/s, round within 3 m, and back towards the vehicle; and again."""
-    legs = (Segment(40.0), Segment(math.pi * 3.0, math.pi))
-    return world(seed, _target(Pose(AHEAD_M, 0.0, 0.0), legs, ((0.0, 0.0), (2.0, 5.0))))
+    """Away at 4 m/s, round within 4 m, and back past the vehicle; and again."""
+    legs = (Segment(40.0), Segment(math.pi * 4.0, math.pi))
+    return world(seed, _target(Pose(AHEAD_M, 0.0, 0.0), legs, ((0.0, 0.0), (2.0, 4.0))))
 
 
 def crossing(seed: int) -> World:
     """Another that looks the same walks across, between the vehicle and the target, and back again."""
     actors = [_target(Pose(AHEAD_M, 0.0, 0.0), (Segment(100.0),), ((0.0, 0.0), (2.0, 2.0)))]
-    for number, (north_m, start_s, heading) in enumerate(((24.0, 6.0, 1.0), (44.0, 16.0, -1.0))):
+    for number, (north_m, start_s, heading) in enumerate(((33.5, 6.0, 1.0), (53.5, 16.0, -1.0))):
         start = Pose(north_m, -12.0 * heading, heading * math.pi / 2)
         speeds = ((0.0, 0.0), (start_s - 0.01, 0.0), (start_s, 2.0))
         actors.append(_actor(f"other{number}", Kind.PERSON, _POST_M, _ORANGE, start, (Segment(24.0),), speeds))

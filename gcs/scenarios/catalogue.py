@@ -110,7 +110,7 @@ _ALL: Final = (
         duration_s=30.0,
         faster_mps=10.0,
     ),
-    Scenario("u-turn", "away at 5 m/s, round, and back", actors.u_turn),
+    Scenario("u-turn", "away at 4 m/s, round within 4 m, and back", actors.u_turn),
     Scenario("stop-and-go", "4 m/s and standing, in turns", actors.straight(_STOP_AND_GO, 15.0)),
     _occlusion("0.5", 0.5),
     _occlusion("2", 2.0),

@@ -49,6 +49,7 @@ class ModelConfig:
     jump_rate: float = 0.03  # over to what covers it
     search_sides: float = 4.0
     least_search_px: float = 60.0
+    search_growth_ps: float = 0.7  # while hidden: the region becomes so much larger a second
     refind_rate: float = 0.6
     confidence: float = 0.9
     refound_confidence: float = 0.55
@@ -104,7 +105,7 @@ class ModelTracker:
         self._box = Box(0.0, 0.0, 0.0, 0.0)
         self._bias = [0.0] * 4
         self._unseen = 0  # pictures of a drop-out still to come
-        self._is_hidden = False
+        self._hidden = 0  # pictures
         self._confidence = self._config.confidence
 
     def init(self, frame_bgr: Image, box: Box) -> None:
@@ -113,7 +114,7 @@ class ModelTracker:
         best = max(seen, key=lambda outline: overlap_frac(box, outline.box), default=None)
         if best is None:
             raise ValueError("there is nothing in the box")
-        self._name, self._box, self._is_hidden, self._unseen = best.name, box, False, 0
+        self._name, self._box, self._hidden, self._unseen = best.name, box, 0, 0
         self._confidence = self._config.confidence
 
     def look_at(self, cx_px: float, cy_px: float) -> None:
@@ -135,11 +136,11 @@ class ModelTracker:
             self._unseen -= 1
             return self._nothing()
         within = [outline for outline in seen if self._reaches(outline)]
-        found = self._refound(within) if self._is_hidden else self._followed(within)
+        found = self._refound(within) if self._hidden else self._followed(within)
         if found is None:
-            self._is_hidden = True
+            self._hidden += 1
             return self._nothing()
-        was_hidden, self._is_hidden, self._name, self._box = self._is_hidden, False, found.name, found.box
+        was_hidden, self._hidden, self._name, self._box = self._hidden, 0, found.name, found.box
         if was_hidden:
             self._confidence = config.refound_confidence
         self._confidence += config.recovery * (config.confidence - self._confidence)
@@ -153,7 +154,9 @@ class ModelTracker:
     def _reaches(self, outline: Outline) -> bool:
         """It lies in the search region."""
         side_px = math.sqrt(max(self._box.w_px * self._box.h_px, 1.0))
-        reach_px = max(self._config.search_sides * side_px / 2, self._config.least_search_px)
+        config = self._config
+        growth = 1.0 + config.search_growth_ps * self._hidden / self._eyes.fps
+        reach_px = max(config.search_sides * side_px / 2, config.least_search_px) * growth
         dx, dy = outline.box.cx_px - self._box.cx_px, outline.box.cy_px - self._box.cy_px
         return max(abs(dx), abs(dy)) <= reach_px
 

@@ -68,7 +68,8 @@ class Row:
     state: State
     digest: int
     refusal: str = ""
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()  # of unsafe events
+    causes: tuple[str, ...] = ()  # why the follow had ended before the scenario did
 
 
 def measure(
@@ -95,7 +96,15 @@ def measure(
         samples[-1].state,
         world.exit.digest,
         reasons=reasons,
+        causes=_causes(world),
     )
+
+
+def _causes(world: World) -> tuple[str, ...]:
+    tick = world.flight.tick
+    if tick is None or tick.output.state in _ENGAGED:
+        return ()
+    return tuple(cause.value for cause in tick.output.reasons)
 
 
 def _is_unseen(scenario: Scenario, t_s: float) -> bool:

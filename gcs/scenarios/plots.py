@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from gcs.demo_plot import draw_errors, draw_from_above
 from gcs.demo_report import Span, TruthRow
@@ -19,7 +20,9 @@ def plot(path: Path, samples: Sequence[Sample], row: Row, title: str) -> None:
     truth = [TruthRow(s.t_s, s.vehicle_ned_m, s.yaw_rad, s.target_ned_m, _BOX, float(s.is_visible)) for s in samples]
     spans = [Span(samples[0].t_s, samples[-1].t_s, samples[0].distance_m)]
     figure = Figure(figsize=(12, 8), dpi=80, layout="constrained")
-    parts = figure.subplot_mosaic([["above", "bearing"], ["above", "distance"], ["above", "speed"], ["above", "yaw"]])
+    parts: dict[str, Any] = figure.subplot_mosaic(
+        [["above", "bearing"], ["above", "distance"], ["above", "speed"], ["above", "yaw"]]
+    )
     figure.suptitle(f"{title}\n{row.bearing_rms_deg:.2f} deg rms, {row.state.value}", fontsize="medium")
     draw_from_above(parts["above"], truth, spans)
     draw_errors(parts["bearing"], parts["distance"], truth, spans)

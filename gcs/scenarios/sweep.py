@@ -83,7 +83,8 @@ def _picture(out: Path | None, case: Case, law: LawKind) -> Path | None:
 
 
 def _summary(row: Row) -> str:
-    return f"{row.bearing_rms_deg:.2f} deg, {100 * row.on_target_frac:.0f} % on target, {row.state.value}"
+    words = [f"{row.bearing_rms_deg:.2f} deg", f"{100 * row.on_target_frac:.0f} % on target", row.state.value]
+    return ", ".join([*words, *row.causes])
 
 
 def with_real_tracker(cases: Iterable[Case]) -> list[Case]:
