@@ -98,19 +98,23 @@ def test_what_comes_back_far_from_where_it_is_looked_for_is_not_seen() -> None:
     assert found == {320.0: True, 40.0: False}
 
 
-def test_what_walks_between_hides_it_and_may_be_taken_for_it() -> None:
-    eyes, stage, tracker = _eyes(find("distractor"), ModelConfig(dropout_rate=0.0, jump_rate=1.0))
+@pytest.mark.parametrize(("jump_rate", "is_fooled"), [(0.0, False), (1.0, True)])
+def test_what_walks_between_hides_it_and_may_be_taken_for_it(jump_rate: float, is_fooled: bool) -> None:
+    config = ModelConfig(dropout_rate=0.0, jump_rate=jump_rate, noise_px=0.0, drift_px=0.0)
+    eyes, stage, tracker = _eyes(find("distractor"), config)
     image = eyes.capture(stage.position_ned_m, _LEVEL)
-    target = next(o for o in eyes.seen_in(image) if o.name == "target")
-    tracker.init(image, target.box)
-    while stage.t_s < 16.0:
-        _look(eyes, stage, tracker, stage.t_s + 0.05)
-    assert eyes.newest is not None
-    assert not eyes.newest.is_hit
+    tracker.init(image, next(o.box for o in eyes.seen_in(image) if o.name == "target"))
+    hidden = fooled = 0
+    while stage.t_s < 14.0:
+        visible = _look(eyes, stage, tracker, stage.t_s + 0.05)
+        assert eyes.newest is not None
+        hidden += eyes.newest.box is None
+        fooled += visible and not eyes.newest.is_hit
+    assert hidden > 0
+    assert (fooled > 0) is is_fooled
 
 
 def test_nothing_can_be_selected_where_nothing_is() -> None:
-    _, _, tracker = _eyes(replace(find("walk"), covered=((0.0, 9.0),)))
     eyes, stage, tracker = _eyes(replace(find("walk"), covered=((0.0, 9.0),)))
     with pytest.raises(ValueError, match="nothing in the box"):
         tracker.init(eyes.capture(stage.position_ned_m, _LEVEL), Box(320.0, 240.0, 40.0, 40.0))
