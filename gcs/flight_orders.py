@@ -141,7 +141,7 @@ class Orders:
         if confirmation is None or not flight.control.is_engaged:
             raise RefusedError("not following: it was aborted at the same moment")
         if flight.output.label:
-            return f"{confirmation.mode.value} confirmed, by {flight.output.label}"
+            return f"{confirmation.mode.value} confirmed {confirmation.standoff_m:.1f} m away, by {flight.output.label}"
         return f"{confirmation.mode.value} confirmed at {confirmation.standoff_m:.1f} m"
 
     def _why_not(self, tick: Tick) -> tuple[str, ...]:

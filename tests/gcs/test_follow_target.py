@@ -40,7 +40,7 @@ def _clean(flown: Flown) -> None:
 def test_px4_goes_after_a_walker_until_the_pilot_takes_over() -> None:
     flown = fly(Personality.PX4, seconds=12.0, at={11.0: _pilot})
     _clean(flown)
-    assert flown.answers[-1] == "follow confirmed, by follow-target: 15 m away, 8 m above home"
+    assert flown.answers[-1] == "follow confirmed 15.9 m away, by follow-target: 15 m away, 8 m above home"
     assert flown.modes[-2:] == [
         (pytest.approx(0.0, abs=0.2), Mode.FOLLOW),
         (pytest.approx(11.0, abs=0.02), Mode.POSITION),
