@@ -18,13 +18,17 @@ from numpy.typing import NDArray
 
 from control.attitude import wrap_pi
 from control.config import EstimatorConfig
+from control.manoeuvre import Manoeuvre
 from control.types import BearingMeasurement, TargetState
 
 Array = NDArray[np.float64]
 
 _OBSERVE: Array = np.eye(6)[::2]  # (3, 6): azimuth, elevation, log size
 _MOST_TURN_S = 0.2  # unseen for longer, the target's aspect is taken to have changed by no more
-_NOTHING = 1e9  # variance of a measurement that is not to count
+_UNSEEN_S = 0.3  # over a longer gap than this the target may have turned, whatever it did before
+
+
+_CALM = Manoeuvre()
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,7 @@ class _Step:
     log_aspect: float  # of the whole target, following no faster than a target can turn
     size_rejections: int = 0
     trust: tuple[float, float] = (1.0, 1.0)  # in elevation and size, as far as nothing covers them
+    manoeuvre: Manoeuvre = _CALM
 
 
 def transition(dt_s: float) -> Array:
@@ -65,12 +70,18 @@ def fading_transition(dt_s: float, age_s: float, size_age_s: float, config: Esti
     return f
 
 
-def process_noise(dt_s: float, config: EstimatorConfig) -> Array:
+def bearing_acceleration_rps2(manoeuvre: float, config: EstimatorConfig) -> float:
+    """The azimuth's white acceleration between calm (0) and manoeuvre (1), on a logarithmic scale."""
+    calm, most = config.calm_acceleration_rps2, config.bearing_acceleration_rps2
+    return most * min(calm / most, 1.0) ** (1.0 - manoeuvre)
+
+
+def process_noise(dt_s: float, config: EstimatorConfig, manoeuvre: float = 1.0) -> Array:
     """(6, 6) covariance that white acceleration adds over dt_s (continuous white noise model)."""
     block = np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
     q = np.zeros((6, 6))
     for at, acceleration in (
-        (0, config.bearing_acceleration_rps2),
+        (0, bearing_acceleration_rps2(manoeuvre, config)),
         (2, config.elevation_acceleration_rps2),
         (4, config.log_size_acceleration_ps2),
     ):
@@ -158,7 +169,8 @@ class TargetEstimator:
         dt_s = t_s - step.measurement.t_capture_s
         f = self._transition(step, dt_s)
         x = f @ step.x
-        std = np.sqrt(np.diag(f @ step.p @ f.T + process_noise(dt_s, self._config)))
+        level = 1.0 if dt_s > _UNSEEN_S else step.manoeuvre.level
+        std = np.sqrt(np.diag(f @ step.p @ f.T + process_noise(dt_s, self._config, level)))
         return TargetState(
             t_s=t_s,
             azimuth_rad=wrap_pi(float(x[0])),
@@ -196,35 +208,47 @@ class TargetEstimator:
     def _next(self, step: _Step, m: BearingMeasurement) -> _Step:
         kalman, config = self._kalman, self._config
         dt_s = m.t_capture_s - step.measurement.t_capture_s
-        kalman.x, kalman.P = step.x.copy(), step.p.copy()
-        kalman.predict(F=self._transition(step, dt_s), Q=process_noise(dt_s, config))
-        azimuth_rad = kalman.x[0] + wrap_pi(m.azimuth_rad - kalman.x[0])
-        z = np.array([azimuth_rad, m.elevation_rad, m.log_size])
+        f = self._transition(step, dt_s)
+        x, grown = f @ step.x, f @ step.p @ f.T
+        z = np.array([x[0] + wrap_pi(m.azimuth_rad - x[0]), m.elevation_rad, m.log_size])
         r = measurement_noise(m.confidence, config)
         covered = np.diag(covered_std(m, step.log_aspect, config) ** 2)
         whole = np.diag(r) / np.diag(r + covered)
         trust = float(whole[1]), float(whole[2])
         r += covered
-        innovation = z - _OBSERVE @ kalman.x
-        surprise = innovation**2 / np.diag(_OBSERVE @ kalman.P @ _OBSERVE.T + r)
+        innovation = z - x[::2]
+        # The gate asks what a target may do at most, the filter what this one seems to be doing.
+        most = _symmetric(grown + process_noise(dt_s, config))
+        allowed = np.diag(most)[::2] + np.diag(r)
+        allowed[0] += max(config.gate_acceleration_rps2**2 - config.bearing_acceleration_rps2**2, 0.0) * dt_s**3 / 3
+        surprise = innovation**2 / allowed
         if not surprise[0] + surprise[1] <= config.gate_chi2:
-            p = _symmetric(kalman.P)
-            return replace(step, measurement=m, x=kalman.x, p=p, accepted=False, rejections=step.rejections + 1)
+            return replace(step, measurement=m, x=x, p=most, accepted=False, rejections=step.rejections + 1)
+        calm = process_noise(dt_s, config, 0.0)
+        calm_std = math.sqrt(grown[0, 0] + calm[0, 0] + r[0, 0])
+        manoeuvre = step.manoeuvre.after(float(innovation[0]) / calm_std, dt_s)
+        level = 1.0 if dt_s > _UNSEEN_S else manoeuvre.level
+        kalman.x, kalman.P = step.x.copy(), step.p.copy()
+        kalman.predict(F=f, Q=process_noise(dt_s, config, level))
         size_fits = bool(surprise[2] <= config.size_gate_chi2)
         size_rejections = 0 if size_fits else step.size_rejections + 1
-        if not size_fits:
-            r[2, 2] = _NOTHING
         if size_rejections >= config.size_rejections:  # the bearing agrees all along: this is the size it has now
             kalman.x[4:], kalman.P[4:, 4:] = (m.log_size, 0.0), self._first(m).p[4:, 4:]
             size_fits, size_rejections = True, 0
+        size_x, size_p = kalman.x[4:].copy(), kalman.P[4:, 4:].copy()
         kalman.update(z, R=r)
+        if not size_fits:
+            kalman.x[4:], kalman.P[4:, 4:] = size_x, size_p
         bound = config.max_log_size_rate_ps
         kalman.x[5] = min(max(kalman.x[5], -bound), bound)
         size_t_s = m.t_capture_s if size_fits else step.size_t_s
         turn = config.log_aspect_rate_ps * min(dt_s, _MOST_TURN_S)
         log_aspect = step.log_aspect + min(max(m.log_aspect - step.log_aspect, -turn), turn)
         p = _symmetric(kalman.P)
-        return _Step(m, kalman.x, p, True, 0, m.confidence, m.t_capture_s, size_t_s, log_aspect, size_rejections, trust)
+        return _Step(
+            m, kalman.x, p, True, 0, m.confidence, m.t_capture_s,
+            size_t_s, log_aspect, size_rejections, trust, manoeuvre,
+        )  # fmt: skip
 
     def _forget_old(self) -> None:
         oldest_s = self._steps[-1].measurement.t_capture_s - self._config.history_s

@@ -13,7 +13,7 @@ from control.limits import ShapeState, Wish, shape
 from control.modes import Confirmation, sure_ground_m
 from control.motion import Belief, TargetMotion, believe, target_motion
 from control.types import TargetState, Vec3, VehicleState, VelocityRequest
-from control.yaw import yaw_rate_rps
+from control.yaw import YawState, yaw_rate_rps
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,7 @@ class FollowState:
     own_velocity_ned_mps: Vec3 | None = None
     belief: Belief | None = None
     motion: TargetMotion | None = None  # as believed in that tick
+    yaw: YawState | None = None
 
     @classmethod
     def at_rest(cls, now_s: float) -> FollowState:
@@ -59,15 +60,18 @@ def follow_request(
     wish = velocity_wish(Scene(confirmation, target, vehicle, camera, follow, motion, own, coasting))
     if gimbal is not None:  # it keeps the target in view while the vehicle tilts
         wish = replace(wish, sight_acceleration_mps2=(-math.inf, math.inf))
+    yaw = None
     if gimbal is not None and gimbal.ours and gimbal.limits.has_yaw:
         yaw_rps = hand_over_rps(target, gimbal, config.gimbal)
     else:
-        yaw_rps = yaw_rate_rps(target, vehicle, camera, follow)
+        last = state.shaping.t_s, state.shaping.yaw_rate_rps
+        most_rps2 = config.shaping.yaw_acceleration_rps2
+        yaw_rps, yaw = yaw_rate_rps(target, vehicle, camera, now_s, state.yaw, last, follow, most_rps2)
     wish = replace(wish, yaw_rate_rps=yaw_rps)
     if velocity_factor < 1.0:
         wish = _faded(wish, max(velocity_factor, 0.0))
     request, after, _ = shape(state.shaping, wish, now_s, config.shaping)
-    return request, FollowState(after, own, belief, motion)
+    return request, FollowState(after, own, belief, motion, yaw)
 
 
 def _faded(wish: Wish, factor: float) -> Wish:

@@ -1,4 +1,4 @@
-"""Shaping of what is sent: acceleration, jerk and yaw acceleration. Pure: the state goes in and comes out."""
+"""Shaping of what is sent: acceleration, jerk and the slope of the yaw rate. Pure: the state goes in and comes out."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ def shape(
     if now_s - state.t_s > _STALE_S:
         state, dt_s = ShapeState(now_s), TICK_S
     velocity, acceleration, names = _shape_velocity(state, wish, dt_s, config)
-    step_rps = config.yaw_acceleration_rps2 * dt_s
+    step_rps = config.yaw_slope_rps2 * dt_s
     change_rps = wish.yaw_rate_rps - state.yaw_rate_rps
     if abs(change_rps) > step_rps:
         change_rps = math.copysign(step_rps, change_rps)
-        names = (*names, "yaw acceleration")
+        names = (*names, "yaw rate slope")
     yaw_rate_rps = state.yaw_rate_rps + change_rps
     clipping = (*wish.limited_by, *names)
     request = VelocityRequest(now_s, velocity, yaw_rate_rps, clipping)

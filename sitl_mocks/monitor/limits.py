@@ -51,7 +51,7 @@ class MonitorLimits:
     vertical_max_mps: float = 3.0
     yaw_rate_max_rps: float = math.radians(120)
     accel_max_mps2: float = 4.0
-    yaw_accel_max_rps2: float = math.radians(200)
+    yaw_accel_max_rps2: float = math.radians(1300)
     gimbal_rate_max_rps: float = math.radians(180)
     mode_grace_s: float = 1.1  # one heartbeat of PX4
     priming_s: float = 3.0  # zero setpoints before external mode: PX4 wants them first

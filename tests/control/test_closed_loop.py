@@ -37,7 +37,7 @@ def test_spotlight_keeps_a_crossing_target_in_view(path, delay_s, bearing_deg, s
         (sine, 0.1, 3.5, 0.12),
         (runner, 0.1, 1.5, 0.15),
         (zigzag_away, 0.1, 5.0, 0.18),
-        (zigzag, 0.1, 10.0, 0.20),
+        (zigzag, 0.1, 4.0, 0.27),
         (sine, 0.25, 5.5, 0.13),
         (runner, 0.25, 2.0, 0.12),
     ],

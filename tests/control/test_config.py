@@ -31,7 +31,7 @@ def test_every_setting_has_a_range_with_its_default_inside(section, name):
         (lambda: EngagementConfig(lost_s=1.0, release_s=1.0), "must grow in this order"),
         (lambda: ControlConfig(limits=Limits(max_speed_mps=3.0)), "follow.max_speed_mps 7 is above the gate"),
         (lambda: ControlConfig(limits=Limits(max_acceleration_mps2=2.0)), "shaping.braking_mps2 3.5 is above"),
-        (lambda: ControlConfig(limits=Limits(max_yaw_acceleration_rps2=1.0)), "shaping.yaw_acceleration_rps2"),
+        (lambda: ControlConfig(limits=Limits(max_yaw_acceleration_rps2=1.0)), "shaping.yaw_slope_rps2"),
         (lambda: ControlConfig(limits=Limits(max_yaw_rate_rps=0.5)), "follow.max_yaw_rate_rps"),
     ],
 )
@@ -44,6 +44,6 @@ def test_defaults_agree_and_the_gate_is_looser_than_the_controller():
     config = ControlConfig()
     assert config.shaping.acceleration_mps2 < config.limits.max_acceleration_mps2
     assert config.shaping.braking_mps2 < config.limits.max_acceleration_mps2
-    assert config.shaping.yaw_acceleration_rps2 < config.limits.max_yaw_acceleration_rps2
+    assert config.shaping.yaw_slope_rps2 < config.limits.max_yaw_acceleration_rps2
     assert config.follow.max_speed_mps < config.limits.max_speed_mps
     assert config.follow.max_vertical_mps < config.limits.max_descent_mps

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import random
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,71 +10,39 @@ import numpy as np
 import pytest
 
 from control.config import EstimatorConfig
-from control.estimator import TargetEstimator, covered_std, fading_transition, process_noise, transition
-from control.types import BearingMeasurement
+from control.estimator import TargetEstimator, fading_transition, process_noise, transition
+from tests.control.bearings import noisy_track, sample, settled, wild_track
+from tests.control.reference_filter import run
 
 CONFIG = EstimatorConfig()
 
 
-def sample(t, azimuth=0.5, elevation=-0.2, log_size=-2.5, confidence=0.9, log_aspect=0.0):
-    return BearingMeasurement(t, azimuth, elevation, log_size, confidence, log_aspect)
-
-
-def noisy_track(count=80, seed=3, rate=0.3):
-    rng = random.Random(seed)
-    t, track = 0.0, []
-    for _ in range(count):
-        t += rng.uniform(0.02, 0.12)
-        track.append(
-            sample(t, 0.5 + rate * t + rng.gauss(0, 0.004), -0.2 + rng.gauss(0, 0.004), -2.5 + rng.gauss(0, 0.03),
-                   rng.uniform(0.5, 1.0))
-        )  # fmt: skip
-    return track
-
-
-def oracle(track, t_end, config=CONFIG):
-    """Plain textbook filter, each of the three channels on its own, in the information-free Joseph-less form."""
-    names = ("azimuth_rad", "elevation_rad", "log_size")
-    q = (config.bearing_acceleration_rps2, config.elevation_acceleration_rps2, config.log_size_acceleration_ps2)
-    r = (config.bearing_std_rad, config.bearing_std_rad, config.log_size_std)
-    r0 = config.initial_bearing_rate_std_rps
-    rate0 = (r0, r0, config.initial_log_size_rate_std_ps)
-    result = []
-    for name, qi, ri, vi in zip(names, q, r, rate0, strict=True):
-        first = track[0]
-        x, v = getattr(first, name), 0.0
-        pxx, pxv, pvv = (ri / first.confidence) ** 2, 0.0, vi**2
-        last = first.t_capture_s
-        for m in [*track[1:], None]:
-            t = t_end if m is None else m.t_capture_s
-            dt, last = t - last, t
-            x += v * dt
-            pxx += 2 * dt * pxv + dt * dt * pvv + qi**2 * dt**3 / 3
-            pxv += dt * pvv + qi**2 * dt**2 / 2
-            pvv += qi**2 * dt
-            if m is not None:
-                s = pxx + (ri / m.confidence) ** 2
-                k1, k2, y = pxx / s, pxv / s, getattr(m, name) - x
-                x, v = x + k1 * y, v + k2 * y
-                pxx, pxv, pvv = pxx - k1 * pxx, pxv - k1 * pxv, pvv - k2 * pxv
-        result.append((x, v, math.sqrt(pxx), math.sqrt(pvv)))
-    return result
-
-
-def test_equal_to_the_filter_written_out_by_hand():
-    track, estimator = noisy_track(), TargetEstimator()
-    for m in track:
-        assert estimator.update(m)
-    end = track[-1].t_capture_s + 0.13
-    state = estimator.predict(end)
-    (a, ar, a_std, ar_std), (e, er, e_std, _), (s, sr, s_std, sr_std) = oracle(track, end)
+@pytest.mark.parametrize("ahead_s", [0.0, 0.13, 1.7])
+@pytest.mark.parametrize("seed", range(20))
+def test_equal_to_the_textbook_filter_whatever_comes_late(seed, ahead_s):
+    track, arriving = wild_track(seed)
+    assert arriving != track
+    estimator = TargetEstimator(EstimatorConfig(history_s=1.5))
+    for m in arriving:
+        estimator.update(m)
+    end = track[-1].t_capture_s + ahead_s
+    state, right = estimator.predict(end), run(track, end, CONFIG)
+    azimuth, elevation, size = right.channels
     got = (
-        state.elevation_rad, state.elevation_rate_rps, state.log_size, state.log_size_rate_ps,
-        state.azimuth_std_rad, state.azimuth_rate_std_rps, state.log_size_std, state.azimuth_rate_rps,
-        state.elevation_std_rad, state.log_size_rate_std_ps,
+        state.elevation_rad, state.elevation_rate_rps, state.log_size, state.log_size_rate_ps, state.azimuth_rate_rps,
+        state.azimuth_std_rad, state.azimuth_rate_std_rps, state.elevation_std_rad,
+        state.log_size_std, state.log_size_rate_std_ps,
     )  # fmt: skip
-    assert got == pytest.approx((e, er, s, sr, a_std, ar_std, s_std, ar, e_std, sr_std), rel=1e-9, abs=1e-12)
-    assert math.remainder(state.azimuth_rad - a, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+    std = [math.sqrt(v) for v in (azimuth.p[0, 0], azimuth.p[1, 1], elevation.p[0, 0], size.p[0, 0], size.p[1, 1])]
+    assert got == pytest.approx((*elevation.x, *size.x, azimuth.x[1], *std), rel=1e-9, abs=1e-9)
+    assert math.remainder(state.azimuth_rad - azimuth.x[0], 2 * math.pi) == pytest.approx(0, abs=1e-9)
+    assert not all(right.accepted)
+
+
+def test_the_wild_tracks_show_every_branch():
+    runs = [run(*(track, track[-1].t_capture_s), CONFIG) for track in (wild_track(seed)[0] for seed in range(20))]
+    assert {0.0, 1.0} <= {r.level for r in runs}
+    assert sum(not a for r in runs for a in r.accepted) > 20
 
 
 def test_finds_the_rate_of_a_target_that_circles_through_south():
@@ -143,13 +110,6 @@ def test_a_jump_is_rejected_counted_and_leaves_the_track_alone():
     assert estimator.rejections_in_a_row == 0
 
 
-def settled(**offset):
-    estimator = TargetEstimator()
-    for n in range(40):
-        estimator.update(sample(n * 0.05, **offset))
-    return estimator
-
-
 @pytest.mark.parametrize(
     ("offset", "accepted"), [({"azimuth": 0.5}, True), ({"elevation": 0.1}, False), ({"azimuth": 0.8}, False)]
 )
@@ -213,65 +173,6 @@ def test_unmeasured_the_rates_of_elevation_and_size_fade_and_that_of_azimuth_doe
     assert faded.elevation_rate_rps == pytest.approx(seen.elevation_rate_rps * math.exp(-0.6 / CONFIG.rate_fade_s))
     reach = CONFIG.rate_hold_s + CONFIG.rate_fade_s
     assert estimator.predict(last + 60).log_size == pytest.approx(seen.log_size + reach * seen.log_size_rate_ps)
-
-
-def covered(t, part, **changes):
-    """The lower part of a box 0.1 x 0.2 rad, at full confidence."""
-    return sample(
-        t, elevation=-0.2 - 0.1 * (1 - part), log_size=0.5 * math.log(0.02 * part), log_aspect=math.log(0.5 / part),
-        **changes,
-    )  # fmt: skip
-
-
-def test_a_box_cut_from_above_is_taken_for_covered_not_for_far_and_low():
-    """Half of it within a quarter of a second; told nothing of the aspect, the filter runs after it."""
-    ends = []
-    for told in (True, False):
-        estimator = TargetEstimator()
-        for n in range(60):
-            m = covered(n * 0.05, min(1.0, max(0.5, 1 - (n - 40) * 0.1)))
-            assert estimator.update(m if told else replace(m, log_aspect=0.0))
-            if n == 46:
-                ends.append(estimator.predict(n * 0.05))
-    kept, fooled = ends
-    whole = 0.5 * math.log(0.02)
-    assert kept.log_size - whole > -0.1 > fooled.log_size - whole
-    assert abs(kept.elevation_rad + 0.2) < 0.02 < abs(fooled.elevation_rad + 0.2)
-    assert kept.size_trust < 0.1
-    assert kept.elevation_trust < 0.1
-    assert (fooled.size_trust, fooled.elevation_trust) == (1.0, 1.0)
-
-
-def test_which_side_is_cut_tells_which_angle_is_wrong():
-    narrow, flat = sample(0.0, log_aspect=-0.8), sample(0.0, log_aspect=0.8)
-    azimuth, elevation, size = covered_std(narrow, 0.0, CONFIG)
-    assert azimuth > 0.01
-    assert elevation == 0.0
-    lost = math.expm1(0.8 - CONFIG.log_aspect_tolerance)
-    width = math.exp(-2.5 - 0.4)
-    assert azimuth == pytest.approx(CONFIG.covered_factor * width * lost / 2 / math.cos(0.2))
-    assert size == pytest.approx(CONFIG.covered_factor * (0.8 - CONFIG.log_aspect_tolerance) / 2)
-    azimuth, elevation, _ = covered_std(flat, 0.0, CONFIG)
-    assert azimuth == 0.0
-    assert elevation > 0.01
-    assert np.all(covered_std(sample(0.0, log_aspect=0.1), 0.0, CONFIG) == 0.0)
-
-
-def test_a_target_that_turns_slowly_is_never_taken_for_covered():
-    estimator = TargetEstimator()
-    for n in range(120):
-        estimator.update(sample(n * 0.05, log_aspect=0.2 * n * 0.05))
-        assert estimator.predict(n * 0.05).size_trust == 1.0
-
-
-def test_an_aspect_that_stays_is_the_targets_in_the_end():
-    estimator = settled()
-    trusts = []
-    for n in range(80):
-        estimator.update(sample(2.0 + n * 0.05, log_aspect=0.6))
-        trusts.append(estimator.predict(2.0 + n * 0.05).size_trust)
-    assert trusts[0] < 0.05
-    assert trusts[-1] == 1.0
 
 
 @pytest.mark.parametrize("age_s", [0.0, 0.2, 1.0])

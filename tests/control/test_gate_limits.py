@@ -16,7 +16,7 @@ RANGES = {
     "max_descent_mps": (0.0, 1.0, 1.5),
     "max_yaw_rate_rps": (0.0, math.radians(75), math.radians(90)),
     "max_acceleration_mps2": (0.5, 4.0, 5.0),
-    "max_yaw_acceleration_rps2": (0.1, math.radians(150), math.radians(180)),
+    "max_yaw_acceleration_rps2": (0.1, math.radians(1000), math.radians(1200)),
     "response_s": (0.5, 0.9, 3.0),
     "braking_mps2": (0.2, 2.0, 2.5),
     "request_age_s": (0.05, 0.2, 0.2),

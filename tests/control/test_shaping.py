@@ -1,4 +1,4 @@
-"""Shaping: acceleration, jerk, yaw acceleration, and the picture."""
+"""Shaping: acceleration, jerk, slope of the yaw rate, and the picture."""
 
 import itertools
 import math
@@ -42,10 +42,10 @@ def test_jerk_is_bounded_on_the_way_up():
     assert "acceleration" in names
 
 
-def test_yaw_acceleration_is_bounded_and_named():
+def test_the_slope_of_the_yaw_rate_is_bounded_and_named():
     request, state, names = shape(ShapeState(0.0), Wish((0.0, 0.0, 0.0), 1.0), 0.05, SHAPING)
-    assert request.yaw_rate_rps == pytest.approx(math.radians(90) * 0.05)
-    assert "yaw acceleration" in names
+    assert request.yaw_rate_rps == pytest.approx(SHAPING.yaw_slope_rps2 * 0.05)
+    assert "yaw rate slope" in names
     assert request.limited_by == names
     back, _, _ = shape(state, Wish((0.0, 0.0, 0.0), -1.0), 0.1, SHAPING)
     assert back.yaw_rate_rps == pytest.approx(0.0)
@@ -69,7 +69,7 @@ def test_after_a_gap_shaping_starts_from_rest_and_a_repeated_tick_changes_nothin
     moving = ShapeState(0.0, (5.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0)
     request, _, _ = shape(moving, Wish((5.0, 0.0, 0.0), 1.0), 1.0, SHAPING)
     assert request.velocity_ned_mps[0] < 0.1
-    assert request.yaw_rate_rps < 0.1
+    assert request.yaw_rate_rps == pytest.approx(SHAPING.yaw_slope_rps2 * 0.05)
     request, _, _ = shape(moving, Wish((9.0, 0.0, 0.0), 1.0), 0.0, SHAPING)
     assert request.velocity_ned_mps == (5.0, 0.0, 0.0)
 
