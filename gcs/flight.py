@@ -90,7 +90,7 @@ class Flight:
         attitude = link.telemetry.attitude
         self.gimbal: Gimbal | None = None
         if config.gimbal.enabled:
-            self.gimbal = Gimbal(link.wire, clock, attitude, config.gimbal.device_id)
+            self.gimbal = Gimbal(link.wire, clock, link.telemetry, config.gimbal.device_id)
             attitude = self.gimbal.attitude
         backend, limits = config.vehicle.backend, config.control.limits
         self.output = output_of(backend, link.wire, link.telemetry, self.camera, limits)

@@ -25,6 +25,7 @@ from gcs.codec import VehicleId
 from gcs.framing import Message, dialect
 from gcs.gimbal_codec import Manager
 from gcs.streams import StreamKeeper
+from gcs.telemetry import Telemetry
 from gcs.wire import COMPONENT_ID, SYSTEM_ID, Wire
 
 STALE_S: Final = 0.5  # an attitude older than this is not used
@@ -61,13 +62,14 @@ class _Asking:
 
 
 class Gimbal:
-    """Call `step` with every tick. `attitude`: the camera's, NED, at the times its messages arrived."""
+    """Call `step` with every tick. `attitude`: the camera's, NED, as `Telemetry.attitude` is the vehicle's."""
 
-    def __init__(self, wire: Wire, clock: Clock, vehicle_attitude: AttitudeBuffer, device_id: int | None) -> None:
+    def __init__(self, wire: Wire, clock: Clock, telemetry: Telemetry, device_id: int | None) -> None:
         self.attitude = AttitudeBuffer(max_gap_s=STALE_S)
         self.manager: Manager | None = None
         self.hold = Hold.FREE
-        self._wire, self._clock, self._vehicle_attitude = wire, clock, vehicle_attitude
+        self._wire, self._clock, self._telemetry = wire, clock, telemetry
+        self._vehicle_attitude = telemetry.attitude
         self._device_id = device_id
         self._keeper = StreamKeeper(
             (Stream(gimbal_codec.ATTITUDE, _ATTITUDE_HZ), Stream(gimbal_codec.STATUS, _STATUS_HZ))
@@ -91,7 +93,7 @@ class Gimbal:
                 self.manager = gimbal_codec.manager_of(message, vehicle)
             case "GIMBAL_DEVICE_ATTITUDE_STATUS" if self._is_device(message):
                 self._keeper.heard(message.get_msgId(), t_s)
-                self._turned(message, t_s)
+                self._turned(message, t_s - (self._telemetry.round_trip.one_way_s or 0.0))
             case "GIMBAL_MANAGER_STATUS" if self._is_manager(message) and self._is_ours(message.gimbal_device_id):
                 self._keeper.heard(message.get_msgId(), t_s)
                 self._told((message.primary_control_sysid, message.primary_control_compid), t_s)
@@ -114,6 +116,7 @@ class Gimbal:
         return message.gimbal_device_id in (0, self.manager.device_id)
 
     def _turned(self, message: Message, t_s: float) -> None:
+        """t_s: when it was sent, as near as the round trip tells; the vehicle's attitudes bear the same times."""
         seen = gimbal_codec.attitude(message)
         if seen is None:
             return
@@ -168,7 +171,10 @@ class Gimbal:
         )
         relative_rad = wrap_pi(newest[2] - vehicle[2])
         ours = self.hold is Hold.OURS
-        return GimbalState(t_s, newest[1], newest[2], relative_rad, pitch_rps, yaw_rps, self.manager.limits, ours)
+        return GimbalState(
+            t_s, newest[1], newest[2], relative_rad, pitch_rps, yaw_rps, t_s - _RATE_SPAN_S / 2,
+            self.manager.limits, ours,
+        )  # fmt: skip
 
     def warnings(self, now_s: float) -> tuple[str, ...]:
         """What keeps the gimbal from being used, for the operator."""

@@ -12,7 +12,7 @@ from control.gimbal import GimbalLimits, GimbalRequest, GimbalState, Pointing, h
 from control.types import TargetState, VehicleState
 
 CONFIG = GimbalConfig()
-GIMBAL = GimbalState(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, GimbalLimits(), ours=True)
+GIMBAL = GimbalState(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, GimbalLimits(), ours=False)  # so that none is under way
 VEHICLE = VehicleState()
 
 
@@ -107,6 +107,35 @@ def at_angle(angle_deg: float, stop_deg: float = 150.0) -> GimbalState:
     stop_rad = math.radians(stop_deg)
     limits = GimbalLimits(yaw_min_rad=-stop_rad, yaw_max_rad=stop_rad)
     return replace(GIMBAL, relative_yaw_rad=math.radians(angle_deg), limits=limits)
+
+
+@pytest.mark.parametrize("link_s", [0.0, 0.06, 0.2])
+def test_what_is_under_way_counts_as_done(link_s: float) -> None:
+    """The attitude is old, but the commands since have turned the gimbal all the way: no more is asked for."""
+    pointing, farthest_rad = Pointing(CONFIG), 0.0
+    seen = replace(GIMBAL, ours=True)
+    history: list[tuple[float, float]] = []
+    for n in range(40):  # a gimbal as configured, behind a link of link_s each way
+        now_s = 20.0 + n * 0.05
+        sent_s = now_s - link_s
+        at_rad, at_rps = answer([(t_s + link_s, rate) for t_s, rate in history], sent_s, CONFIG.lag_s)
+        seen = replace(seen, t_s=sent_s, rate_t_s=sent_s, yaw_rad=at_rad, relative_yaw_rad=at_rad, yaw_rate_rps=at_rps)
+        aim = replace(target(40.0), t_s=now_s + link_s + 0.025)
+        history.append((now_s, pointing.follow(aim, seen, VEHICLE, now_s).yaw_rate_rps))
+        farthest_rad = max(farthest_rad, at_rad)
+    assert at_rad == pytest.approx(math.radians(40), abs=0.01)
+    assert farthest_rad < math.radians(44)
+
+
+def answer(commands: list[tuple[float, float]], at_s: float, lag_s: float) -> tuple[float, float]:
+    """Angle and rate at at_s in steps of a millisecond, from rest at 19.5 s."""
+    angle_rad = rate_rps = 0.0
+    for step in range(round((at_s - 19.5) * 1000)):
+        t_s = 19.5 + step / 1000
+        wanted = next((rate for act_s, rate in reversed(commands) if act_s <= t_s), 0.0)
+        rate_rps += (wanted - rate_rps) * 0.001 / lag_s
+        angle_rad += rate_rps * 0.001
+    return angle_rad, rate_rps
 
 
 def test_the_nose_turns_to_where_the_gimbal_looks() -> None:

@@ -17,6 +17,7 @@ from gcs.codec import VehicleId
 from gcs.framing import CodecError, Deframer, Encoder, dialect
 from gcs.gimbal import Gimbal, Hold
 from gcs.gimbal_codec import Manager
+from gcs.telemetry import Telemetry
 from gcs.transport import Received
 from gcs.wire import Wire
 from sitl_mocks.vehicle.telemetry import quaternion
@@ -103,7 +104,8 @@ class Rig:
         self.vehicle_attitude = AttitudeBuffer()
         self.wire = Wire.over(self._transport, clock=self)
         self.hear(dialect.MAVLink_heartbeat_message(2, 12, 0x81, 0, 4, 3), 1)
-        self.gimbal = Gimbal(self.wire, self, self.vehicle_attitude, device_id)
+        telemetry = Telemetry(self.wire, self, attitude=self.vehicle_attitude)
+        self.gimbal = Gimbal(self.wire, self, telemetry, device_id)
 
     def now_s(self) -> float:
         return self.t_s
