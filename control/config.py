@@ -154,7 +154,7 @@ class EngagementConfig:
 class GimbalConfig:
     """Gains and limits of a camera on a gimbal: it turns to the target, the vehicle's nose slowly follows it."""
 
-    gain_ps: float = ranged(0.2, 6.0, 10.0)
+    gain_ps: float = ranged(0.2, 8.0, 15.0)
     lag_s: float = ranged(0.0, 0.1, 1.0)  # of the gimbal's own rate loop, answered ahead of time
     feed_forward_std_rps: float = ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
     max_rate_rps: float = ranged(0.05, math.radians(90), math.radians(180))
