@@ -107,7 +107,7 @@ def score_absurd(world: FaultWorld) -> Happened:
 
 
 def target_leaves(world: FaultWorld) -> Happened:
-    """The target leaves the picture sideways, faster than the vehicle turns; it counts from its last sight."""
+    """The target leaves the picture sideways, faster than the vehicle turns, for good; counts from its last sight."""
     world.target.speed_mps, world.target.weave_rad = 45.0, 0.0
     world.target.heading_rad = world.vehicle.pose().yaw_rad + world.random.choice((-1.0, 1.0)) * math.pi / 2
     unseen, seen = world.eyes.unseen, [0]
@@ -116,6 +116,8 @@ def target_leaves(world: FaultWorld) -> Happened:
         if world.eyes.delivered - world.eyes.unseen != seen[0]:
             seen[0] = world.eyes.delivered - world.eyes.unseen
             world.caused(now_s)
+        if world.eyes.unseen > unseen + 5:  # the vehicle turns after it, and at a distance it is slow again
+            world.eyes.covered = True
 
     world.hooks.append(watch)
     return lambda: world.eyes.unseen > unseen + 5
