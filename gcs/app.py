@@ -58,9 +58,8 @@ def main(args: argparse.Namespace) -> int:
     video = args.video or config.video.url
     if not video:
         raise VideoError("no video: give --video URL, or video.url in the configuration")
-    if vehicle.backend is Backend.FOLLOW_TARGET and config.follow.mode is not FollowChoice.FOLLOW:
-        mode = config.follow.mode.value
-        raise ConfigError(f"the vehicle's own follow mode (--backend follow-target) cannot do follow.mode {mode}")
+    if vehicle.backend is Backend.FOLLOW_TARGET:
+        _check_own_mode(config)
     options = RunOptions(
         video=video,
         vehicle=vehicle.url,
@@ -69,6 +68,15 @@ def main(args: argparse.Namespace) -> int:
         box=None if args.box is None else parse_box(args.box),
     )
     return run(options, Screen(sys.stdout))
+
+
+def _check_own_mode(config: Config) -> None:
+    """ConfigError for what the vehicle's own follow mode decides, or does, itself."""
+    if config.follow.mode is not FollowChoice.FOLLOW:
+        mode = config.follow.mode.value
+        raise ConfigError(f"the vehicle's own follow mode (--backend follow-target) cannot do follow.mode {mode}")
+    if config.gimbal.enabled:
+        raise ConfigError("the vehicle's own follow mode points the gimbal itself: gimbal.enabled must be false")
 
 
 def run(options: RunOptions, screen: Screen) -> int:

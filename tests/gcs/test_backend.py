@@ -111,9 +111,16 @@ def test_where_the_vehicle_will_be_is_said() -> None:
     assert place.text == "-8 m north and 6 m east of the target, 10 m above it"
 
 
-def test_a_mode_that_the_vehicle_does_not_have_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("follow:\n  mode: spotlight\n", r"own follow mode .* cannot do follow.mode spotlight"),
+        ("gimbal:\n  enabled: true\n", r"points the gimbal itself"),
+    ],
+)
+def test_what_the_vehicle_does_itself_is_refused(tmp_path, text: str, reason: str) -> None:  # type: ignore[no-untyped-def]
     file = tmp_path / "gcs.yaml"
-    file.write_text("follow:\n  mode: spotlight\n")
+    file.write_text(text)
     args = build_parser().parse_args(["run", "--config", str(file), "--video", "x", "--backend", "follow-target"])
-    with pytest.raises(ConfigError, match=r"own follow mode .* cannot do follow.mode spotlight"):
+    with pytest.raises(ConfigError, match=reason):
         app.main(args)
