@@ -156,12 +156,11 @@ def wanderer(seed: int) -> World:
     legs: list[Segment] = []
     for _ in range(40):
         legs.append(Segment(rng.uniform(3.0, 30.0)))
-        radius_m = rng.choice((0.05, rng.uniform(1.0, 15.0)))
         turn_rad = rng.uniform(-math.pi, math.pi)
-        legs.append(Segment(max(abs(turn_rad) * radius_m, ON_THE_SPOT_M), turn_rad))
+        legs.append(Segment(max(abs(turn_rad) * rng.uniform(3.0, 15.0), ON_THE_SPOT_M), turn_rad))
     speeds, t_s = [(0.0, 0.0)], 0.5
     while t_s < 80.0:
-        speeds.append((t_s, rng.choice((0.0, rng.uniform(0.5, 3.0), rng.uniform(2.0, 7.0)))))
+        speeds.append((t_s, rng.choice((0.0, rng.uniform(0.5, 3.0), rng.uniform(2.0, 5.5)))))
         t_s += rng.uniform(0.7, 6.0)
     start = Pose(ahead_m, rng.uniform(-0.3, 0.3) * ahead_m, rng.uniform(-math.pi, math.pi))
     box_m = (1.2 * size, 1.2 * size, 1.8 * size)

@@ -190,7 +190,7 @@ def cases() -> tuple[Case, ...]:
 
 
 def _hard() -> list[Case]:
-    """Wind, a bad link, another autopilot, a gimbal."""
+    """Wind, a bad link, a delay that is not given, another autopilot, a gimbal."""
     plain = Conditions()
     windy = replace(plain, wind_ned_mps=(-4.0, 3.0, 0.0), gust_mps=0.5)
     cases = []
@@ -205,5 +205,10 @@ def _hard() -> list[Case]:
             Case(scenario, replace(plain, delay_error_s=-0.02), "delay -20ms"),
             Case(scenario, replace(plain, personality=Personality.ARDUPILOT), "ardupilot"),
         ]
+    cases += [
+        Case(find(name), replace(plain, delay_s=delay_s, delay_given=False), "delay estimated", name == "sine")
+        for name in ("sine", "zigzag")
+        for delay_s in (0.1, 0.25)
+    ]
     on_gimbal = replace(plain, gimbal=True)
     return cases + [Case(find(name), on_gimbal, "gimbal", name == "sine") for name in ("sine", "zigzag", "zigzag-away")]

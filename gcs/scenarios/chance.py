@@ -87,14 +87,14 @@ def random_flights(count: int, jobs: int, say: Say, first_seed: int = 1) -> Verd
     flown = [each for each in drawn if not each.row.refusal]
     if not flown:
         return Verdict("none of them was flown: " + drawn[0].row.refusal, False)
-    nearest = min(flown, key=lambda each: each.row.smallest_distance_m)
+    nearest = min(flown, key=lambda each: each.row.approached_m)
     worst = max(flown, key=lambda each: each.row.bearing_rms_deg if math.isfinite(each.row.bearing_rms_deg) else 0.0)
-    near = [each.seed for each in flown if each.row.smallest_distance_m < least_m]
+    near = [each.seed for each in flown if each.row.approached_m < least_m]
     unsafe = [each for each in drawn if each.row.unsafe]
     words = [
         f"{len(flown)} of {count} random flights flown, {count - len(flown)} refused",
-        f"nearest {nearest.row.smallest_distance_m:.2f} m (seed {nearest.seed}); under {least_m:g} m: {len(near)}"
-        + (f", seeds {near[:10]}" if near else ""),
+        f"nearest that the vehicle flew towards it: {nearest.row.approached_m:.2f} m (seed {nearest.seed}); "
+        f"under {least_m:g} m: {len(near)}" + (f", seeds {near[:10]}" if near else ""),
         f"worst bearing {worst.row.bearing_rms_deg:.1f} deg rms (seed {worst.seed})",
         f"unsafe events: {sum(each.row.unsafe for each in unsafe)}",
         *(f"  seed {each.seed}: {each.row.reasons[0]}" for each in unsafe[:5]),
@@ -122,6 +122,6 @@ def _all(flight: Callable[[int], Drawn], count: int, jobs: int, say: Say, first_
     for each in in_processes(flight, range(first_seed, first_seed + count), jobs):
         drawn.append(each)
         row = each.row
-        text = f"{row.bearing_rms_deg:.2f} deg, nearest {row.smallest_distance_m:.2f} m, {row.state.value}"
+        text = f"{row.bearing_rms_deg:.2f} deg, flew up to {row.approached_m:.2f} m, {row.state.value}"
         say(f"{len(drawn)}/{count} seed {each.seed}: {row.refusal or text}")
     return drawn

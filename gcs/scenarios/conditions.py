@@ -40,8 +40,8 @@ def default_config() -> ControlConfig:
 class Conditions:
     """One way to fly a scenario.
 
-    delay_s: from light to box, tracker included. delay_error_s: how much more of it the station believes in. mode:
-    None is the scenario's own. link_delay_s: each way. airframe: None is the autopilot's as measured. attitude_rate_hz:
+    delay_s: from light to box, tracker included. delay_error_s: how much more of it the station believes in.
+    delay_given: False leaves it to find the camera's delay out by itself. mode: None is the scenario's own. link_delay_s: each way. airframe: None is the autopilot's as measured. attitude_rate_hz:
     the most that the vehicle sends; None: as asked. gimbal: the camera is on one, not fixed.
     """
 
@@ -49,6 +49,7 @@ class Conditions:
     mode: FollowMode | None = None
     delay_s: float = 0.1
     delay_error_s: float = 0.0
+    delay_given: bool = True
     fps: float = 20.0
     tracker: TrackerKind = TrackerKind.MODEL
     law: LawKind = LawKind.STATION

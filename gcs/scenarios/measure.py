@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from control.attitude import wrap_pi
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from gcs.scenarios.catalogue import Scenario
     from gcs.scenarios.conditions import Conditions
 
+_CLOSING_MPS: Final = 0.3  # less is a drift
 _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 
 
@@ -55,7 +57,8 @@ class Row:
     """The columns. None: not a thing of this scenario. reacquire_s: infinite where it never did.
 
     bearing and distance: rms, after settling, while the vehicle was ours and the target not hidden; distance in parts
-    of the true one at the confirmation. on_target_frac: of the time in which the target was not hidden.
+    of the true one at the confirmation. on_target_frac: of the time in which the target was not hidden. approached_m:
+    the nearest at which the vehicle, while it was ours, itself moved towards the target.
     """
 
     bearing_rms_deg: float
@@ -69,6 +72,7 @@ class Row:
     digest: int
     refusal: str = ""
     reasons: tuple[str, ...] = ()  # of unsafe events
+    approached_m: float = math.inf
     causes: tuple[str, ...] = ()  # why the follow had ended before the scenario did
 
 
@@ -96,8 +100,20 @@ def measure(
         samples[-1].state,
         world.exit.digest,
         reasons=reasons,
+        approached_m=_approached_m(samples),
         causes=_causes(world),
     )
+
+
+def _approached_m(samples: Sequence[Sample]) -> float:
+    nearest_m = math.inf
+    for before, now in pairwise(samples):
+        towards = [now.target_ned_m[i] - now.vehicle_ned_m[i] for i in (0, 1)]
+        flown = [now.vehicle_ned_m[i] - before.vehicle_ned_m[i] for i in (0, 1)]
+        closing_m = sum(a * b for a, b in zip(towards, flown, strict=True)) / max(now.distance_m, 1e-9)
+        if now.state in _ENGAGED and closing_m > _CLOSING_MPS * (now.t_s - before.t_s):
+            nearest_m = min(nearest_m, now.distance_m)
+    return nearest_m
 
 
 def _causes(world: World) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ async def _station(world: World) -> None:
 
 
 def _setup(scenario: Scenario, conditions: Conditions) -> Setup:
-    glass_s = conditions.delay_s - _TRACK_S + conditions.delay_error_s
+    glass_s = max(conditions.delay_s - _TRACK_S + conditions.delay_error_s, 0.0) if conditions.delay_given else None
     control = conditions.config
     if scenario.faster_mps is not None:
         limits = replace(control.limits, max_speed_mps=scenario.faster_mps)
@@ -119,7 +119,7 @@ def _setup(scenario: Scenario, conditions: Conditions) -> Setup:
         conditions.seed,
         conditions.personality,
         Config(
-            camera=camera_of(lens, max(glass_s, 0.0)), gimbal=GimbalConfig(enabled=conditions.gimbal), control=control
+            camera=camera_of(lens, glass_s), gimbal=GimbalConfig(enabled=conditions.gimbal), control=control
         ),
         scenario.height_m,
         judged,
