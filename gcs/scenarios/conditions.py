@@ -41,8 +41,9 @@ class Conditions:
     """One way to fly a scenario.
 
     delay_s: from light to box, tracker included. delay_error_s: how much more of it the station believes in.
-    delay_given: False leaves it to find the camera's delay out by itself. mode: None is the scenario's own. link_delay_s: each way. airframe: None is the autopilot's as measured. attitude_rate_hz:
-    the most that the vehicle sends; None: as asked. gimbal: the camera is on one, not fixed.
+    delay_given: False leaves it to find the camera's delay out by itself. mode: None is the scenario's own.
+    link_delay_s: each way. airframe: None is the autopilot's as measured. attitude_rate_hz: the most that the vehicle
+    sends; None: as asked. gimbal: the camera is on one, not fixed.
     """
 
     seed: int = 1

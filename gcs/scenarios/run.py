@@ -118,9 +118,7 @@ def _setup(scenario: Scenario, conditions: Conditions) -> Setup:
     return Setup(
         conditions.seed,
         conditions.personality,
-        Config(
-            camera=camera_of(lens, glass_s), gimbal=GimbalConfig(enabled=conditions.gimbal), control=control
-        ),
+        Config(camera=camera_of(lens, glass_s), gimbal=GimbalConfig(enabled=conditions.gimbal), control=control),
         scenario.height_m,
         judged,
         lens=lens,
