@@ -29,9 +29,9 @@ def zigzag(t_s: float) -> float:
     return math.radians(45) * (1 if int(t_s / 4) % 2 else -1)
 
 
-async def for_12_s(flight: Flight) -> Flight:
+async def for_10_s(flight: Flight) -> Flight:
     await flight.follow()
-    await asyncio.sleep(12.0)
+    await asyncio.sleep(10.0)
     assert flight.world.flight.tick is not None
     assert flight.world.flight.tick.output.state is State.FOLLOWING
     return flight
@@ -39,7 +39,7 @@ async def for_12_s(flight: Flight) -> Flight:
 
 @pytest.mark.parametrize(("heading", "across_deg"), [(sine, 1.5), (zigzag, 2.5)])
 def test_the_target_stays_in_the_middle_and_the_nose_follows_slowly(heading, across_deg) -> None:
-    flight = fly(for_12_s, target=Walk(heading))
+    flight = fly(for_10_s, target=Walk(heading))
     across, down = zip(*flight.off_rad, strict=True)
     assert rms(list(across)) < math.radians(across_deg)
     assert rms(list(down)) < math.radians(1.0)  # whatever the vehicle's pitch, which is some 15 degrees
@@ -48,14 +48,14 @@ def test_the_target_stays_in_the_middle_and_the_nose_follows_slowly(heading, acr
 
 
 def test_the_nose_is_handed_over_in_time_near_the_stop() -> None:
-    flight = fly(for_12_s, target=Walk(sine), gimbal=lambda: make_gimbal(yaw_limit_rad=math.radians(30)))
+    flight = fly(for_10_s, target=Walk(sine), gimbal=lambda: make_gimbal(yaw_limit_rad=math.radians(30)))
     across, _ = zip(*flight.off_rad, strict=True)
     assert rms(list(across)) < math.radians(1.5)
     assert math.radians(10) < max(map(abs, flight.relative_rad)) < math.radians(29)
 
 
 def test_without_a_yaw_axis_the_nose_turns_as_with_a_fixed_camera() -> None:
-    flight = fly(for_12_s, target=Walk(sine), gimbal=lambda: make_gimbal(has_yaw=False))
+    flight = fly(for_10_s, target=Walk(sine), gimbal=lambda: make_gimbal(has_yaw=False))
     across, down = zip(*flight.off_rad, strict=True)
     assert rms(list(across)) < math.radians(3.0)
     assert rms(list(down)) < math.radians(1.0)
@@ -65,7 +65,7 @@ def test_without_a_yaw_axis_the_nose_turns_as_with_a_fixed_camera() -> None:
 def test_other_gimbals_do_as_well(options) -> None:
     async def play(flight: Flight) -> Flight:
         await flight.follow()
-        await asyncio.sleep(8.0)
+        await asyncio.sleep(6.0)
         return flight
 
     flight = fly(play, target=Walk(sine), gimbal=lambda: make_gimbal(**options))
