@@ -47,6 +47,7 @@ class Engagement:
             return None
         self.entries += 1
         ours = _within(now_s, self._setpoint_s, SILENCE_S) or _within(now_s, self._ordered_s, _ORDER_S)
+        self._setpoint_s = now_s  # silence before it is no break in the stretch that begins now
         return self._decide(now_s, must=ours) if truth.obeys else None
 
     def setpoint(self, now_s: float, truth: Truth, *, still: bool) -> str | None:

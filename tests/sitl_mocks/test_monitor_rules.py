@@ -115,6 +115,18 @@ def test_u4_motion_that_nobody_confirmed() -> None:
     assert wire.rules == {Rule.UNCONFIRMED: 1}
 
 
+@pytest.mark.parametrize(("lost_s", "count"), [(0.2, 0), (1.2, 1)])
+def test_u4_setpoints_lost_before_the_mode_is_entered_are_no_break_in_the_stream(lost_s: float, count: int) -> None:
+    wire = Wire(confirmation_needed=True)
+    wire.stream(0.0, 0.1, HELD)
+    wire.wait(1.2, HELD)
+    wire.monitor.operator_confirms(wire.now_s)
+    wire.command(176, HELD)
+    wire.wait(lost_s)
+    wire.stream(1.0, 0.5)
+    assert wire.monitor.counts[Rule.UNCONFIRMED] == count
+
+
 def test_u4_is_not_the_stations_when_someone_else_picks_the_mode() -> None:
     wire = Wire(confirmation_needed=True)
     wire.wait(1.0, HELD)
