@@ -96,7 +96,7 @@ class FollowConfig:
     full_confidence: float = ranged(0.0, 0.6, 1.0)  # from it on full speed
     view_margin_frac: float = ranged(0.0, 0.12, 0.45)  # of the picture's height, kept free at top and bottom
     min_acceleration_mps2: float = ranged(0.2, 0.8, 3.0)  # always allowed, whatever the picture
-    lead_s: float = ranged(0.0, 0.1, 0.5)  # command link plus half a command period
+    lead_s: float = ranged(0.0, 0.1, 0.5)  # command link and half a command period, where the link does not tell
 
     def __post_init__(self) -> None:
         check_ranges(self)

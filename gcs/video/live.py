@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 class LiveSource:
     """A stream or camera behind the `VideoSource` protocol; the constructor waits for the first frame.
 
-    glass_delay_s: from light on the sensor to arrival here, subtracted to get the capture time.
+    glass_delay_s: from light on the sensor to arrival of the encoded picture, subtracted to get the capture time.
     reconnect: after the stream breaks, try again for ever with growing pauses; else the source has `ended`.
     Raises VideoError when there is no frame to begin with.
     """

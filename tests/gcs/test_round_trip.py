@@ -60,3 +60,13 @@ def test_requests_and_answers_to_others_are_no_answers() -> None:
     trip.note(12345, stamp_ns + 1, 100.1)
     assert trip.rtt_s is None
     assert not trip.is_unheard(200.0)
+
+
+def test_one_way_is_half_of_the_usual_round_trip() -> None:
+    trip = RoundTrip()
+    asked(trip, 100.0, 101.0, rtt_s=0.12)
+    assert trip.one_way_s == pytest.approx(0.06)
+    asked(trip, 101.0, 101.2, rtt_s=0.5)  # two answers that waited in a stall of ours
+    assert trip.one_way_s == pytest.approx(0.06)
+    asked(trip, 102.0, 104.0, rtt_s=0.9)
+    assert trip.one_way_s == pytest.approx(0.2)  # no more than that is believed

@@ -47,6 +47,15 @@ def test_attitude_history_can_be_asked_between_samples(wire, telemetry):
     assert telemetry.attitude.at(1.02)[0] == pytest.approx(0.2)
 
 
+def test_attitude_is_dated_back_by_the_way_over_the_link(wire, telemetry):
+    """So that it is of one clock with the pictures; its freshness still counts from its arrival."""
+    stamp_ns = telemetry.round_trip.ask(1.0)
+    wire.hear(mav.MAVLink_timesync_message(5, stamp_ns), 1.08)
+    wire.hear(attitude(), 2.0)
+    assert telemetry.attitude.newest_t_s == pytest.approx(1.96)
+    assert telemetry.vehicle_state().attitude_t_s == 2.0
+
+
 def test_intended_mode_prearm_home_and_echo(wire, telemetry):
     assert telemetry.prearm_ok is None
     wire.hear(mav.MAVLink_current_mode_message(0, PX4_POSCTL, PX4_OFFBOARD), 1.0)

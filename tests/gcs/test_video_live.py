@@ -89,6 +89,19 @@ def test_frames_are_stamped_on_arrival_less_the_glass_delay() -> None:
     source.close()
 
 
+def test_the_time_of_decoding_is_told_apart() -> None:
+    times_s = iter([100.0, 100.5])
+    source, decoder = hand_fed(glass_delay_s=0.2, clock=lambda: next(times_s))
+    source.read(1.0)
+    decoder.feed.put(Decoded(np.full((8, 8, 3), 2, np.uint8), decode_s=0.03))
+    frame = source.read(1.0)
+    assert frame is not None
+    assert (frame.t_arrival_s, frame.decode_s) == (pytest.approx(100.47), 0.03)
+    assert frame.t_capture_s == pytest.approx(100.27)
+    decoder.feed.put(None)
+    source.close()
+
+
 def test_without_reconnect_the_end_of_the_stream_wakes_the_reader() -> None:
     source, decoder = hand_fed()
     source.read(1.0)
