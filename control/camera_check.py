@@ -25,6 +25,7 @@ from control.types import BearingMeasurement
 # than it turns), a box cut off below.
 _ACROSS_STD_RAD: Final = 0.008
 _UPWARD_STD_RAD: Final = 0.02
+_LATENCY_STD_S: Final = 0.05  # the picture may be so much older or newer than believed, while the vehicle turns
 _ACCELERATION_RPS2: Final = 0.1  # of the target as seen; its square times a second is the noise's density
 _RATE_STD_RPS: Final = 0.3
 _WORST_ERROR: Final = 16.0  # squared and by its variance; no single picture decides
@@ -57,12 +58,13 @@ class _Filter:
         self._at_rad, self._rate_rps = angle_rad - self._gain * yaw_rad, 0.0
         self._variance, self._covariance, self._rate_variance = self._noise, 0.0, _RATE_STD_RPS**2
 
-    def fuse(self, angle_rad: float, yaw_rad: float, dt_s: float) -> None:
+    def fuse(self, angle_rad: float, yaw_rad: float, dt_s: float, yaw_rate_rps: float) -> None:
         """This angle is seen dt_s (s) later."""
+        noise = self._noise + (_LATENCY_STD_S * yaw_rate_rps) ** 2
         q = _ACCELERATION_RPS2**2
         pp = self._variance + dt_s * (2 * self._covariance + dt_s * self._rate_variance) + q * dt_s**3 / 3
         pr = self._covariance + dt_s * self._rate_variance + q * dt_s**2 / 2
-        s = pp + self._noise
+        s = pp + noise
         error_rad = angle_rad - self._gain * yaw_rad - self._at_rad - self._rate_rps * dt_s
         self._at_rad += self._rate_rps * dt_s + pp / s * error_rad
         self._rate_rps += pr / s * error_rad
@@ -78,7 +80,7 @@ class _Channel:
     def __init__(self, std_rad: float, gains: Iterable[float]) -> None:
         self._filters = {gain: _Filter(gain, std_rad) for gain in gains}
 
-    def saw(self, angle_rad: float, yaw_rad: float, dt_s: float) -> dict[float, float]:
+    def saw(self, angle_rad: float, yaw_rad: float, dt_s: float, yaw_rate_rps: float) -> dict[float, float]:
         """Minus the logarithm of each gain's likelihood, but for what all have in common.
 
         Where even the best fits badly, for the box jumps or the vehicle nods, errors count as little as that.
@@ -87,7 +89,7 @@ class _Channel:
             if dt_s > _MOST_GAP_S:
                 each.begin(angle_rad, yaw_rad)
             else:
-                each.fuse(angle_rad, yaw_rad, dt_s)
+                each.fuse(angle_rad, yaw_rad, dt_s, yaw_rate_rps)
         scale = max(1.0, min(each.mean_error for each in self._filters.values()))
         return {gain: 0.5 * each.error / scale for gain, each in self._filters.items()}
 
@@ -120,15 +122,17 @@ class CameraCheck:
         dt_s = bearing.t_capture_s - self._t_s
         if self.verdict is not Verdict.OPEN or dt_s <= 0:
             return self.verdict
+        step_rad = wrap_pi(yaw_rad - self._yaw_rad)
         if dt_s <= _MOST_GAP_S:
-            self._turned_rad += wrap_pi(yaw_rad - self._yaw_rad)
+            self._turned_rad += step_rad
             self._least_rad, self._most_rad = (
                 min(self._least_rad, self._turned_rad),
                 max(self._most_rad, self._turned_rad),
             )
         self._t_s, self._yaw_rad = bearing.t_capture_s, yaw_rad
-        across = self._across.saw(wrap_pi(bearing.azimuth_rad - yaw_rad), self._turned_rad, dt_s)
-        upward = self._upward.saw(bearing.elevation_rad, self._turned_rad, dt_s)
+        rate_rps = step_rad / dt_s if dt_s <= _MOST_GAP_S else 0.0
+        across = self._across.saw(wrap_pi(bearing.azimuth_rad - yaw_rad), self._turned_rad, dt_s, rate_rps)
+        upward = self._upward.saw(bearing.elevation_rad, self._turned_rad, dt_s, rate_rps)
         if dt_s <= _MOST_GAP_S:
             for wrong in self._odds:
                 self._odds[wrong] += across[-1.0] + upward[0.0] - across[wrong[0]] - upward[wrong[1]]
