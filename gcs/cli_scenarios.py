@@ -27,7 +27,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser], co
     p = commands.add_parser("scenarios", help=text, description=text, parents=[common])
     p.set_defaults(handler="gcs.cli_scenarios:main")
     p.add_argument("--all", action="store_true", help="the whole table with three seeds; default: a quick part of it")
-    p.add_argument("--only", metavar="NAME", action="append", default=[], help="this scenario, all its rows; repeat")
+    p.add_argument(
+        "--only", metavar="NAME", action="append", default=[], help="this scenario; with --all all its rows; repeat"
+    )
     p.add_argument("--tracker", choices=("model", "real"), default="model", help="real: on painted pictures, slower")
     p.add_argument("--seeds", type=int, metavar="N", help="flights of each row (default: 1, with --all 3)")
     p.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
@@ -62,8 +64,7 @@ def _chosen(args: argparse.Namespace) -> Sequence[Case]:
     names = [find(name).name for name in args.only]
     found = list(cases())
     if names:
-        found = [case for case in found if case.scenario.name in names]
-        found = found if args.all else [case for case in found if case.quick] or found[:1]
+        found = [case for name in names for case in _rows(name, whole=args.all)]
     elif not args.all:
         found = [case for case in found if case.quick]
     if args.tracker == "real":
@@ -71,6 +72,14 @@ def _chosen(args: argparse.Namespace) -> Sequence[Case]:
     if not found:
         raise ConfigError("--tracker real: none of these can be painted")
     return found
+
+
+def _rows(name: str, *, whole: bool) -> Sequence[Case]:
+    """Of one scenario: all, or the quick ones, or where there is none the first."""
+    from gcs.scenarios.catalogue import cases
+
+    rows = [case for case in cases() if case.scenario.name == name]
+    return rows if whole else [case for case in rows if case.quick] or rows[:1]
 
 
 def _laws(*, whole: bool) -> Callable[[Case], Iterable[LawKind]]:

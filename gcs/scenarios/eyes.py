@@ -199,6 +199,7 @@ class PaintedEyes(StageEyes):
         self.pictures += 1
         rendered = self.camera.render(self.stage.t_s, pose.position_ned_m, pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
         truth = visible_box(rendered.truth[self.stage.world.target_name], self.lens)
+        rendered.image_bgr[0, 0] = _numbered(self.pictures)  # where all stands still no two pictures are alike, either
         self._truths.append((rendered.image_bgr, None if truth is None else Box.from_xywh(*truth)))
         return rendered.image_bgr
 
