@@ -73,7 +73,7 @@ def fading_transition(dt_s: float, age_s: float, size_age_s: float, config: Esti
 def bearing_acceleration_rps2(manoeuvre: float, config: EstimatorConfig) -> float:
     """The azimuth's white acceleration between calm (0) and manoeuvre (1), on a logarithmic scale."""
     calm, most = config.calm_acceleration_rps2, config.bearing_acceleration_rps2
-    return most * min(calm / most, 1.0) ** (1.0 - manoeuvre)
+    return float(most * min(calm / most, 1.0) ** (1.0 - manoeuvre))
 
 
 def process_noise(dt_s: float, config: EstimatorConfig, manoeuvre: float = 1.0) -> Array:

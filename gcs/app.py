@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from control.modes import FollowMode
-from gcs.autopilot import Backend
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
+from gcs.backend import Backend
 from gcs.cli_vehicle import with_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import AutopilotChoice, Config, FollowChoice, load

@@ -15,7 +15,7 @@ from typing import Final
 
 from gcs.audit_follow_mode import ARDUCOPTER_FOLLOW, PX4_FOLLOW
 from gcs.audit_rules import ARDUCOPTER, PX4, Rule, anything
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.errors import GcsError
 
 

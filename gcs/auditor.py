@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from gcs.audit import Audit, Level, judge, known_name, rules_of
-from gcs.autopilot import Backend
 from gcs.autopilot.parameters import read_parameters
+from gcs.backend import Backend
 from gcs.clock import Clock
 from gcs.telemetry import Telemetry
 from gcs.wire import Wire

@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gcs.errors import ConfigError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _MOST = 100_000
 
 
-def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser) -> None:
+def add_parser(commands: Any, common: argparse.ArgumentParser) -> None:
     """Its arguments."""
     text = "closed-loop scenarios in simulated time: a table, compared with the committed figures"
     p = commands.add_parser("scenarios", help=text, description=text, parents=[common])

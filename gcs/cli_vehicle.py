@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gcs.audit import known_name
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:  # `gcs --help` needs no configuration

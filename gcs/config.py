@@ -15,7 +15,7 @@ from control.camera import CameraModel
 from control.config import ControlConfig
 from control.latency import PRIOR_S
 from gcs.audit import KNOWN
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.config_yaml import load_dataclass
 from gcs.errors import ConfigError
 

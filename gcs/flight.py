@@ -24,11 +24,11 @@ from gcs.audit import Audit
 from gcs.auditor import Auditor
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
-from gcs.backend import output_of
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_modes import ModeSwitch, Spawn
+from gcs.flight_output import output_of
 from gcs.flight_view import (
     Sighting,
     Status,

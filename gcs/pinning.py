@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gcs import codec
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.codec import VehicleId
 from gcs.framing import Deframer, Message
 from gcs.transport import Peer

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from control.gate import Setpoint
 from gcs import codec
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.clock import Clock, MonotonicClock
 from gcs.codec import PublishedTarget, VehicleId
 from gcs.errors import VehicleError

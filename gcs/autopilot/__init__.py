@@ -6,17 +6,10 @@ Which mode is the external one depends on the backend: OFFBOARD or GUIDED, or th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Protocol
 
 from control.types import VehicleMode
-
-
-class Backend(Enum):
-    """How a follow reaches the vehicle: by velocity setpoints, or by publishing the target to its own follow mode."""
-
-    SETPOINTS = "setpoints"
-    FOLLOW_TARGET = "follow-target"
+from gcs.backend import Backend
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from control.types import VehicleMode
-from gcs.autopilot import Backend, Stream
+from gcs.autopilot import Stream
+from gcs.backend import Backend
 from gcs.framing import dialect
 
 MAIN_AUTO, MAIN_OFFBOARD = 4, 6

@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from gcs.autopilot import Backend
+from gcs.backend import Backend
 from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.flight_orders import Orders

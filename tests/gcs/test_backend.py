@@ -10,9 +10,9 @@ from control.types import VehicleMode
 from gcs import app, codec
 from gcs.audit import AuditError, Level, judge, known_name, rules_of
 from gcs.audit_follow_mode import own_place
-from gcs.autopilot import Backend
 from gcs.autopilot.ardupilot import ArduCopter
 from gcs.autopilot.px4 import Px4
+from gcs.backend import Backend
 from gcs.cli import build_parser
 from gcs.codec import PublishedTarget
 from gcs.errors import ConfigError
