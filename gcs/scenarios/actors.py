@@ -118,13 +118,13 @@ def crossing(seed: int) -> World:
 
 
 def dash(north_m: float, east_m: float, down_m: float, at_s: float = 8.0) -> Build:
-    """Walks on, and from at_s on is out of the picture for two seconds: so far away within half a second."""
+    """Walks on, and from at_s on is away for two seconds: so far within half a second."""
     return partial(_dash, (north_m, east_m, down_m), at_s)
 
 
 def _dash(away_ned_m: tuple[float, float, float], at_s: float, seed: int) -> World:
     def shift(t_s: float) -> tuple[float, float, float]:
-        out = min(max((t_s - at_s) / 0.5, 0.0), 1.0) - min(max((t_s - at_s - 2.5) / 0.5, 0.0), 1.0)
+        out = min(max((t_s - at_s) / 0.5, 0.0), 1.0) - min(max((t_s - at_s - 1.5) / 0.5, 0.0), 1.0)
         north_m, east_m, down_m = away_ned_m
         return north_m * out, east_m * out, down_m * out
 

@@ -89,7 +89,7 @@ def _leaving(side: str, north_m: float, east_m: float, down_m: float) -> Scenari
         f"out of the picture {side} for two seconds, quicker than anything can follow, and back",
         actors.dash(north_m, east_m, down_m),
         duration_s=25.0,
-        gone=((8.0, 11.0),),
+        gone=((8.0, 10.0),),
     )
 
 

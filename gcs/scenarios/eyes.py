@@ -49,7 +49,7 @@ class ModelConfig:
     jump_rate: float = 0.03  # over to what covers it
     search_sides: float = 4.0
     least_search_px: float = 60.0
-    search_growth_ps: float = 0.7  # while hidden: the region becomes so much larger a second
+    search_growth_ps: float = 2.0  # while hidden: the region becomes so much larger a second
     refind_rate: float = 0.6
     confidence: float = 0.9
     refound_confidence: float = 0.55
