@@ -43,7 +43,7 @@ def limit_closing(
     Of a target that comes nearer the speed is taken off what can be stopped: near enough, the vehicle backs off.
     """
     stoppable_mps = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, config)
-    caps = {"stopping distance": stoppable_mps + min(motion.radial_mps, 0.0)}
+    caps = {"stopping distance": stoppable_mps + min(motion.radial_mps, motion.coming_mps, 0.0)}
     sure_rate_ps = target.log_size_rate_ps - target.log_size_rate_std_ps
     collision = sure_rate_ps * config.time_to_collision_s > 1.0
     if collision:

@@ -62,7 +62,7 @@ class FollowConfig:
     feed_forward_std_rps: float = ranged(0.01, 1.0, 5.0)  # std of the bearing rate at which half is left
     range_gain_ps: float = ranged(0.05, 0.3, 2.0)
     target_velocity_gain: float = ranged(0.0, 1.0, 1.0)  # how far the vehicle moves along with the target
-    target_velocity_lag_s: float = ranged(0.0, 1.5, 5.0)  # smoothing of it: what turns round sooner is not followed
+    target_velocity_lag_s: float = ranged(0.0, 2.2, 5.0)  # smoothing of it: what turns round sooner is not followed
     sideways_gain: float = ranged(0.0, 0.3, 1.0)  # the same for what it moves across, in follow mode
     target_velocity_std_mps: float = ranged(0.1, 10.0, 20.0)  # std of it at which half is left
     rate_lag_s: float = ranged(0.0, 0.6, 2.0)  # how late the filter's rates are, for matching own velocity
@@ -89,7 +89,7 @@ class FollowConfig:
     min_distance_m: float = ranged(1.5, 3.0, 50.0)
     max_distance_m: float = ranged(5.0, 80.0, 200.0)
     min_depression_rad: float = ranged(math.radians(1), math.radians(4), math.radians(45))
-    response_s: float = ranged(0.1, 0.8, 3.0)  # latency and lag until the vehicle brakes
+    response_s: float = ranged(0.1, 1.0, 3.0)  # latency and lag until the vehicle brakes
     braking_mps2: float = ranged(0.5, 3.5, 4.0)
     time_to_collision_s: float = ranged(1.0, 3.0, 10.0)
     closing_confidence: float = ranged(0.0, 0.4, 1.0)  # below it distance may only grow

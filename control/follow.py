@@ -56,7 +56,12 @@ def follow_request(
     motion = target_motion(confirmation, target, own, follow, ground_m)
     trust = target.size_trust if ground_m is None else max(target.size_trust, target.elevation_trust)
     belief = believe(state.belief, motion, trust, now_s, follow)
-    motion = replace(motion, radial_mps=belief.radial_mps, steady_radial_mps=belief.steady_mps)
+    motion = replace(
+        motion,
+        radial_mps=belief.radial_mps,
+        steady_radial_mps=belief.steady_mps,
+        steady_tangential_mps=belief.steady_tangential_mps,
+    )
     wish = velocity_wish(Scene(confirmation, target, vehicle, camera, follow, motion, own, coasting))
     if gimbal is not None:  # it keeps the target in view while the vehicle tilts
         wish = replace(wish, sight_acceleration_mps2=(-math.inf, math.inf))

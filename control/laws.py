@@ -13,7 +13,7 @@ from typing import assert_never
 
 from control.attitude import wrap_pi
 from control.camera import CameraModel
-from control.closing import confidence_factor, limit_closing
+from control.closing import confidence_factor, limit_closing, stoppable_speed_mps
 from control.config import FollowConfig
 from control.field_of_view import view_acceleration_mps2
 from control.height import vertical_mps
@@ -81,6 +81,9 @@ def _hold_distance(scene: Scene, tangential_mps: float) -> Wish:
     wanted += config.target_velocity_gain * motion.steady_radial_mps - confirmation.standoff_rate_mps(config)
     closing = limit_closing(wanted, motion, target, config, scene.coasting)
     radial, names = closing.radial_mps, closing.names
+    # What is across now is towards the target as soon as that moves on.
+    most = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, config)
+    tangential_mps = min(max(tangential_mps, -most), most)
     trust = confidence_factor(target.confidence, config)
     if trust < 1.0:
         radial, tangential_mps = radial * trust, tangential_mps * trust
@@ -101,7 +104,7 @@ def _hold_distance(scene: Scene, tangential_mps: float) -> Wish:
 
 
 def _alongside_mps(scene: Scene) -> float:
-    return scene.config.target_velocity_gain * scene.motion.tangential_mps
+    return scene.config.target_velocity_gain * scene.motion.steady_tangential_mps
 
 
 def _bearing_correction_mps(scene: Scene) -> float:

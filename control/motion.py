@@ -9,13 +9,16 @@ from control.config import FollowConfig
 from control.modes import Confirmation
 from control.types import TargetState, Vec3
 
+_MOST_SINCE = 0.5  # ln of the distance then over that of now
+
 
 @dataclass(frozen=True, slots=True)
 class TargetMotion:
     """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread.
 
     nearest_m: the least that size, or height and depression, say of the distance. sure_radial_mps: the largest
-    radial velocity that one of the two tells. steady_radial_mps: what is worth going along with.
+    radial velocity that one of the two tells. steady_*: what is worth going along with. coming_mps: the
+    radial velocity made ready for the worst: as of now, not as late as the filter.
     """
 
     distance_m: float
@@ -26,6 +29,8 @@ class TargetMotion:
     own_radial_mps: float
     own_tangential_mps: float
     steady_radial_mps: float
+    steady_tangential_mps: float
+    coming_mps: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +44,7 @@ class Belief:
     t_s: float
     radial_mps: float
     steady_mps: float
+    steady_tangential_mps: float
     blind_s: float = 0.0
 
 
@@ -81,17 +87,28 @@ def target_motion(
     spread = config.target_velocity_std_mps
     radial_fade = fade(distance * target.log_size_rate_std_ps, spread)
     radial_mps = (own_radial + distance * opening) * radial_fade
+    tangential_mps = own_tangential + distance * target.azimuth_rate_rps
+    tangential_mps *= fade(distance * target.azimuth_rate_std_rps, spread)
     return TargetMotion(
         distance_m=distance,
         nearest_m=nearest,
         radial_mps=radial_mps,
         sure_radial_mps=(own_radial + distance * sure) * radial_fade,
-        tangential_mps=(own_tangential + distance * target.azimuth_rate_rps)
-        * fade(distance * target.azimuth_rate_std_rps, spread),
+        tangential_mps=tangential_mps,
         own_radial_mps=own_radial,
         own_tangential_mps=own_tangential,
         steady_radial_mps=radial_mps,
+        steady_tangential_mps=tangential_mps,
+        coming_mps=own_radial + distance * opening * _since(opening, config),
     )
+
+
+def _since(opening_ps: float, config: FollowConfig) -> float:
+    """The distance that a rate of its logarithm belongs to, over the present one: the filter is rate_lag_s late.
+
+    Of what comes straight at us at 8 m/s and is now 12 m away, the filter's rate is still that of 16 m.
+    """
+    return math.exp(min(max(-opening_ps * config.rate_lag_s, 0.0), _MOST_SINCE))
 
 
 def believe(before: Belief | None, motion: TargetMotion, trust: float, now_s: float, config: FollowConfig) -> Belief:
@@ -102,19 +119,23 @@ def believe(before: Belief | None, motion: TargetMotion, trust: float, now_s: fl
     say that it comes nearer, that is believed at once.
     """
     if before is None:
-        return Belief(now_s, motion.radial_mps, 0.0)
+        return Belief(now_s, motion.radial_mps, 0.0, 0.0)
     dt_s = max(now_s - before.t_s, 0.0)
     blind_s = before.blind_s + dt_s if trust < 0.5 else 0.0
-    kept = before.radial_mps
+    kept, kept_steady = before.radial_mps, before.steady_mps
     if blind_s > config.blind_hold_s:
-        kept *= math.exp(-dt_s / config.blind_fade_s)
+        faded = math.exp(-dt_s / config.blind_fade_s)
+        kept, kept_steady = kept * faded, kept_steady * faded
     wanted = kept + trust * (motion.radial_mps - kept)
     step = config.target_acceleration_mps2 * dt_s
     limited = before.radial_mps + min(max(wanted - before.radial_mps, -step), step)
     if trust >= 0.5:
         limited = min(limited, motion.sure_radial_mps + config.approach_margin_mps)
     share = 1 - math.exp(-dt_s / max(config.target_velocity_lag_s, 1e-3))
-    return Belief(now_s, limited, before.steady_mps + share * (limited - before.steady_mps), blind_s)
+    steady = kept_steady + min(max(trust * share * (motion.radial_mps - kept_steady), -step), step)
+    across = before.steady_tangential_mps
+    across += share * (motion.tangential_mps - across)
+    return Belief(now_s, limited, steady, across, blind_s)
 
 
 def fade(std: float, half_at: float) -> float:

@@ -8,7 +8,7 @@ import pytest
 from control.laws import circle_speed_mps
 from control.modes import FollowMode
 
-from .follow_rig import CONFIG, VEHICLE, confirmed, wish
+from .follow_rig import CONFIG, DOWN, VEHICLE, confirmed, wish
 
 
 def test_spotlight_comes_back_to_its_place_and_height():
@@ -53,7 +53,8 @@ def test_a_shrinking_box_at_the_same_depression_is_hardly_chased():
 
 
 def test_speed_and_height_are_bounded():
-    fast = wish(azimuth_rate_rps=1.0, log_size=-2.9, mode=FollowMode.PARALLEL)
+    far = replace(confirmed(FollowMode.PARALLEL), range_m=30.0, ground_factor=None)
+    fast = wish(azimuth_rate_rps=1.0, confirmation=far)
     assert math.hypot(*fast.velocity_ned_mps[:2]) == pytest.approx(CONFIG.max_speed_mps)
     assert "speed" in fast.limited_by
     low = wish(vehicle=replace(VEHICLE, height_m=1.0))
@@ -64,8 +65,9 @@ def test_speed_and_height_are_bounded():
 
 def test_distance_comes_before_what_is_across():
     """Both cannot be had at max_speed_mps: the way back from a near target is not shortened by sliding past it."""
-    near = wish(azimuth_rate_rps=1.0, log_size=-2.3, mode=FollowMode.PARALLEL).velocity_ned_mps
-    alone = wish(log_size=-2.3, mode=FollowMode.PARALLEL).velocity_ned_mps
+    far = replace(confirmed(FollowMode.PARALLEL), standoff_m=34.0, range_m=30.0, ground_factor=None)
+    near = wish(azimuth_rate_rps=1.0, confirmation=far).velocity_ned_mps
+    alone = wish(confirmation=far).velocity_ned_mps
     assert near[0] == pytest.approx(alone[0])
     assert alone[0] < -0.5
     assert math.hypot(*near[:2]) == pytest.approx(CONFIG.max_speed_mps)
@@ -138,3 +140,12 @@ def test_a_standoff_that_is_being_led_is_flown_along_with():
     assert wish(confirmation=nearer).velocity_ned_mps[0] == pytest.approx(CONFIG.standoff_speed_mps)
     further = replace(confirmed(), standoff_goal_m=20.0)
     assert wish(confirmation=further).velocity_ned_mps[0] == pytest.approx(-CONFIG.standoff_speed_mps)
+
+
+@pytest.mark.parametrize("distance", [3.5, 5.0, 8.0])
+def test_what_is_across_could_be_stopped_too(distance):
+    """It is towards the target as soon as the target moves on."""
+    close = replace(confirmed(FollowMode.PARALLEL), range_m=distance / math.cos(DOWN), standoff_m=distance)
+    _, east, _ = wish(confirmation=replace(close, ground_factor=None), azimuth_rate_rps=1.5).velocity_ned_mps
+    margin = east * CONFIG.response_s + east**2 / CONFIG.braking_mps2
+    assert margin == pytest.approx(distance - CONFIG.min_distance_m)

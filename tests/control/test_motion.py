@@ -60,7 +60,7 @@ def moving(radial_mps, sure_radial_mps=math.inf):
 
 def test_the_velocity_of_a_covered_target_is_kept_then_given_up():
     belief = believe(None, moving(1.5), 1.0, 10.0, CONFIG)
-    assert belief == Belief(10.0, 1.5, 0.0)
+    assert belief == Belief(10.0, 1.5, 0.0, 0.0)
     history = []
     for n in range(80):
         belief = believe(belief, moving(-9.0, -9.0), 0.0, 10.05 + n * 0.05, CONFIG)
@@ -72,14 +72,14 @@ def test_the_velocity_of_a_covered_target_is_kept_then_given_up():
 
 
 def test_nothing_on_the_ground_jumps_to_another_velocity():
-    belief = believe(Belief(10.0, 1.0, 0.0), moving(9.0), 1.0, 10.1, CONFIG)
+    belief = believe(Belief(10.0, 1.0, 0.0, 0.0), moving(9.0), 1.0, 10.1, CONFIG)
     assert belief.radial_mps == pytest.approx(1.0 + 0.1 * CONFIG.target_acceleration_mps2)
     assert believe(belief, moving(-9.0), 1.0, 10.2, CONFIG).radial_mps == pytest.approx(1.0)
-    assert believe(Belief(10.0, 1.0, 0.0), moving(9.0), 1.0, 9.0, CONFIG).radial_mps == 1.0
+    assert believe(Belief(10.0, 1.0, 0.0, 0.0), moving(9.0), 1.0, 9.0, CONFIG).radial_mps == 1.0
 
 
 def test_what_surely_comes_nearer_is_believed_at_once():
-    coming = believe(Belief(10.0, 4.0, 0.0), moving(-6.0, -5.0), 1.0, 10.05, CONFIG)
+    coming = believe(Belief(10.0, 4.0, 0.0, 0.0), moving(-6.0, -5.0), 1.0, 10.05, CONFIG)
     assert coming.radial_mps == -5.0 + CONFIG.approach_margin_mps
     rate = 5.0 / 15.0
     size = {"log_size_rate_ps": rate * math.cos(DOWN) ** 2}
@@ -106,9 +106,28 @@ def test_depression_alone_tells_the_velocity_where_it_is_whole(trust, elevation_
 
 
 def test_what_the_target_does_is_gone_along_with_once_it_keeps_at_it():
-    config, now, believed = replace(CONFIG, target_acceleration_mps2=20.0), 10.0, Belief(10.0, 0.0, 0.0)
-    for _ in range(30):
+    config, now, believed = replace(CONFIG, target_acceleration_mps2=20.0), 10.0, Belief(10.0, 0.0, 0.0, 0.0)
+    for _ in range(40):
         now += 0.05
         believed = believe(believed, moving(2.0), 1.0, now, config)
     assert believed.radial_mps == pytest.approx(2.0)
-    assert believed.steady_mps == pytest.approx(2.0 * (1 - math.exp(-1.5 / config.target_velocity_lag_s)), rel=0.02)
+    assert believed.steady_mps == pytest.approx(2.0 * (1 - math.exp(-2.0 / config.target_velocity_lag_s)), rel=0.02)
+
+
+def test_an_approach_is_made_ready_for_as_it_is_now_not_as_the_filter_had_it():
+    """At 8 m/s from 16.8 m, and 0.6 s later 12 m away: the rate is still that of 16.8 m."""
+    late = target_motion(replace(confirmed(), range_m=12.0 / math.cos(DOWN), ground_factor=None),
+        target(log_size_rate_ps=8.0 / 16.8), STILL, CONFIG)  # fmt: skip
+    assert late.coming_mps == pytest.approx(-8.0, rel=0.07)
+    assert late.radial_mps > -6.0
+    assert ground_motion(log_size_rate_ps=-0.1).coming_mps == ground_motion(log_size_rate_ps=-0.1).radial_mps
+
+
+def test_what_is_gone_along_with_is_not_drawn_towards_an_approach_by_noise():
+    """Half of the noise is taken for an approach at once, as far as safety goes; the mean is not to follow that."""
+    believed, now = Belief(10.0, 0.0, 0.0, 0.0), 10.0
+    for n in range(400):
+        now += 0.05
+        noise = 3.0 if n % 2 else -3.0
+        believed = believe(believed, moving(noise, noise), 1.0, now, CONFIG)
+    assert believed.steady_mps == pytest.approx(0.0, abs=0.1)
