@@ -17,7 +17,7 @@ class EstimatorConfig:
     # Power spectral density of the angular acceleration is its square times one second. In azimuth: of a target that
     # goes straight on; of one seen to turn; and, for the gate, of 5 m/s thrown round on the spot 15 m away.
     calm_acceleration_rps2: float = ranged(0.005, 0.04, 5.0)
-    bearing_acceleration_rps2: float = ranged(0.01, 0.7, 5.0)
+    bearing_acceleration_rps2: float = ranged(0.01, 1.2, 5.0)
     gate_acceleration_rps2: float = ranged(0.01, 2.0, 10.0)
     elevation_acceleration_rps2: float = ranged(0.01, 0.15, 5.0)
     log_size_acceleration_ps2: float = ranged(0.01, 0.15, 5.0)
@@ -54,7 +54,7 @@ class Altitude(Enum):
 class FollowConfig:
     """Gains and limits of the follow laws."""
 
-    yaw_gain_ps: float = ranged(0.1, 6.0, 10.0)  # of large errors; of small ones it is less
+    yaw_gain_ps: float = ranged(0.1, 4.0, 10.0)  # of large errors; of small ones it is less
     # The vehicle's yaw-rate loop, answered ahead of time: its first-order lag, and how late a command begins to act
     # (command link and dead time). PX4's; a vehicle that is quicker, or half as quick, is followed with them too.
     yaw_lag_s: float = ranged(0.05, 0.45, 1.0)
@@ -85,7 +85,7 @@ class FollowConfig:
     altitude: Altitude = Altitude.HELD
     max_speed_mps: float = ranged(0.1, 7.0, 12.0)
     max_vertical_mps: float = ranged(0.1, 0.8, 1.5)
-    max_yaw_rate_rps: float = ranged(0.05, math.radians(75), math.radians(90))
+    max_yaw_rate_rps: float = ranged(0.05, math.radians(90), math.radians(90))
     min_distance_m: float = ranged(1.5, 3.0, 50.0)
     max_distance_m: float = ranged(5.0, 80.0, 200.0)
     min_depression_rad: float = ranged(math.radians(1), math.radians(4), math.radians(45))
@@ -117,7 +117,7 @@ class ShapingConfig:
     yaw_acceleration_rps2: float = ranged(0.1, math.radians(180), math.radians(300))  # of the vehicle, as predicted
     # Of the command. What moves is the vehicle behind its own yaw loop: to buy it an acceleration the command must
     # lead by lag * acceleration, 81 deg/s at the values above. A slower slope is lost time at every turn.
-    yaw_slope_rps2: float = ranged(0.1, math.radians(900), math.radians(1000))
+    yaw_slope_rps2: float = ranged(0.1, math.radians(1000), math.radians(1100))
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -29,11 +29,11 @@ class Limits:
     max_speed_mps: float = ranged(0.1, 8.0, 12.0)
     max_climb_mps: float = ranged(0.0, 2.0, 3.0)
     max_descent_mps: float = ranged(0.0, 1.0, 1.5)
-    max_yaw_rate_rps: float = ranged(0.0, math.radians(75), math.radians(90))
+    max_yaw_rate_rps: float = ranged(0.0, math.radians(90), math.radians(90))
     max_acceleration_mps2: float = ranged(0.5, 4.0, 5.0)
     # Slope of the yaw rate asked for. The vehicle's own yaw loop smooths it and a yaw rate moves it nowhere, so this
     # only keeps a command from jumping from one end to the other within a tick.
-    max_yaw_acceleration_rps2: float = ranged(0.1, math.radians(1000), math.radians(1200))
+    max_yaw_acceleration_rps2: float = ranged(0.1, math.radians(1100), math.radians(1200))
     response_s: float = ranged(0.5, 0.9, 3.0)  # link and vehicle, for the stopping distance
     braking_mps2: float = ranged(0.2, 2.0, 2.5)
     request_age_s: float = ranged(0.05, 0.2, 0.2)

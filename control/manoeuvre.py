@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 _MEMORY_S = 0.25  # of the mean: some five pictures
 _SPREAD_MEMORY_S = 2.0
-_QUIET, _CERTAIN = 1.9, 2.8  # standard deviations of the mean: nothing, and all, of a manoeuvre
+_QUIET, _CERTAIN = 1.6, 2.6  # standard deviations of the mean: nothing, and all, of a manoeuvre
 _LARGEST = 4.0  # innovations count up to so many standard deviations: one outlier is no manoeuvre
 _LEAST_VARIANCE = 0.5
 

@@ -84,6 +84,7 @@ class Setup:
     mode: FollowMode = FollowMode.FOLLOW
     fps: float = 20.0
     delay_s: float = 0.1
+    delay_error_s: float = 0.0  # so much more of it is believed in
     noise_px: float = 2.0
     duration_s: float = 40.0
     settle_s: float = 6.0
@@ -110,6 +111,7 @@ class Result:
     verdict: Verdict  # on the camera
     verdict_s: float | None  # after the confirmation
     largest_odds: float  # against a right camera
+    yaw_rate_rms_dps: float  # as commanded
 
 
 def see(vehicle: Vehicle, target: Position, setup: Setup, rng: random.Random) -> tuple[float, ...] | None:
@@ -156,6 +158,7 @@ def fly(path: Path, setup: Setup) -> Result:
     telemetry: deque[tuple[float, VehicleState]] = deque()
     state, shaping, confirmed = VehicleState(), FollowState.at_rest(0.0), None
     setpoint: Setpoint | None = None
+    rates: list[float] = []
     bearings, distances, seen, trims, smallest, fastest = [], [], 0, 0, math.inf, 0.0
     frame_count, start_m = 0, 0.0
     check, verdict_s, odds = CameraCheck(), None, -math.inf
@@ -178,6 +181,7 @@ def fly(path: Path, setup: Setup) -> Result:
             frames.append((now, box))
         while frames and frames[0][0] + setup.delay_s <= now + 1e-9:
             captured, box = frames.popleft()
+            captured -= setup.delay_error_s
             angles = attitude.at(captured)
             if box is not None and angles is not None:
                 measurement = bearing_measurement(camera, *box, angles, captured, 0.9)
@@ -206,11 +210,12 @@ def fly(path: Path, setup: Setup) -> Result:
             bearing = math.atan2(gap[1], gap[0]) - vehicle.yaw_rad
             bearings.append(math.degrees(math.remainder(bearing, 2 * math.pi)))
             distances.append(math.hypot(*gap) / start_m - 1)
+            rates.append(setpoint.yaw_rate_rps if setpoint else 0.0)
             seen += see(vehicle, target, setup, random.Random(0)) is not None
             fastest = max(fastest, math.hypot(vehicle.vn.value, vehicle.ve.value))
     return Result(
         _rms(bearings), _rms(distances), smallest, seen / len(bearings), trims, fastest, bearings[-1],
-        check.verdict, verdict_s, odds,
+        check.verdict, verdict_s, odds, math.degrees(_rms(rates)),
     )  # fmt: skip
 
 

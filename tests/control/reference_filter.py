@@ -93,14 +93,14 @@ def run(measurements: list[BearingMeasurement], t_end_s: float, config: Estimato
         if not reference.accepted[-1]:
             azimuth.grow(np.eye(2), turning, dt)
             continue
-        # How far to one side, in standard deviations of an average of white noise: 1.9 is nothing, 2.8 a turn.
+        # How far to one side, in standard deviations of an average of white noise: 1.6 is nothing, 2.6 a turn.
         spread = math.sqrt(variance)
         score = off[0] / math.sqrt(azimuth.p[0, 0] + calm**2 * dt**3 / 3 + r[0])
         score = max(-4 * spread, min(4 * spread, score))
         weight = 1 - math.exp(-dt / 0.25)
         mean += weight * (score - mean)
         distance = abs(mean) / (spread * math.sqrt(weight / (2 - weight)))
-        reference.level = max(0.0, min(1.0, (distance - 1.9) / 0.9))
+        reference.level = max(0.0, min(1.0, (distance - 1.6) / 1.0))
         variance = max(0.5, variance + min(dt / 2.0, 1.0) * (min(score**2, 6 * variance) - variance))
         level = 1.0 if dt > 0.3 else reference.level
         azimuth.grow(np.eye(2), calm ** (1 - level) * turning**level, dt)

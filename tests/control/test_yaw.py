@@ -55,7 +55,7 @@ def test_the_mount_is_taken_into_account():
 def test_an_error_no_larger_than_noise_is_answered_softly():
     """A tenth of the error asks for much less than a tenth."""
     small, large = (ask(target(azimuth_rad=math.radians(error)))[0] for error in (0.5, 5.0))
-    assert 0.0 < small < large / 60
+    assert 0.0 < small < large / 30
 
 
 @pytest.mark.parametrize("dt_s", [0.0, 0.01, 0.3])
