@@ -172,7 +172,7 @@ def test_u8_steps_but_not_the_emergency_stop() -> None:
     assert not wire.rules()
     wire.send(0.5)
     assert wire.rules() == {Rule.SLEW: 1}
-    wire.send(0.5, yaw_rate=0.5)
+    wire.send(0.5, yaw_rate=1.6)
     assert wire.rules() == {Rule.SLEW: 2}
 
 
