@@ -95,6 +95,7 @@ def random_flights(count: int, jobs: int, say: Say, first_seed: int = 1) -> Verd
         f"{len(flown)} of {count} random flights flown, {count - len(flown)} refused",
         f"nearest that the vehicle flew towards it: {nearest.row.approached_m:.2f} m (seed {nearest.seed}); "
         f"under {least_m:g} m: {len(near)}" + (f", seeds {near[:10]}" if near else ""),
+        f"nearest at all, where the target itself came: {min(each.row.smallest_distance_m for each in flown):.2f} m",
         f"worst bearing {worst.row.bearing_rms_deg:.1f} deg rms (seed {worst.seed})",
         f"unsafe events: {sum(each.row.unsafe for each in unsafe)}",
         *(f"  seed {each.seed}: {each.row.reasons[0]}" for each in unsafe[:5]),
