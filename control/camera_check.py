@@ -25,7 +25,7 @@ from control.types import BearingMeasurement
 # than it turns), a box cut off below.
 _ACROSS_STD_RAD: Final = 0.008
 _UPWARD_STD_RAD: Final = 0.02
-_LATENCY_STD_S: Final = 0.05  # the picture may be so much older or newer than believed, while the vehicle turns
+_LATENCY_STD_S: Final = 0.1  # the picture may be so much older or newer than believed, while the vehicle turns
 _ACCELERATION_RPS2: Final = 0.1  # of the target as seen; its square times a second is the noise's density
 _RATE_STD_RPS: Final = 0.3
 _WORST_ERROR: Final = 16.0  # squared and by its variance; no single picture decides

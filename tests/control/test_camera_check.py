@@ -56,6 +56,16 @@ def test_a_right_camera_is_never_accused(path, mode):
     assert path not in CROSSING or result.verdict is Verdict.RIGHT
 
 
+@pytest.mark.parametrize("delay_error_s", [0.06, -0.06])
+@pytest.mark.parametrize("path", CROSSING)
+def test_a_latency_wrong_by_60_ms_is_no_wrong_camera(path, delay_error_s):
+    for seed in range(2):
+        setup = Setup(mode=FollowMode.SPOTLIGHT, duration_s=9.0, settle_s=4.0, seed=seed, delay_error_s=delay_error_s)
+        result = fly(path, setup)
+        assert result.verdict is Verdict.RIGHT
+        assert result.largest_odds < 5.0
+
+
 def series(gain, yaw_of, seconds=4.0, noise_rad=0.004, seed=1, tilt=lambda t: 0.0):
     """(bearing, yaw) of a standing target, seen by a camera whose picture moves by gain for each radian of yaw."""
     rng = random.Random(seed)
@@ -94,7 +104,7 @@ def test_turning_through_south_is_no_jump():
 
     wrapped = [
         (BearingMeasurement(b.t_capture_s, b.azimuth_rad, b.elevation_rad, b.log_size, 0.9), y)
-        for b, y in series(0.0, round_and_round, seconds=1.0)
+        for b, y in series(0.0, round_and_round, seconds=1.5)
     ]
     right = [(BearingMeasurement(b.t_capture_s, 3.0, b.elevation_rad, b.log_size, 0.9), y) for b, y in wrapped]
     assert judge(right) is Verdict.RIGHT
