@@ -203,6 +203,11 @@ class PaintedEyes(StageEyes):
         self._truths.append((rendered.image_bgr, None if truth is None else Box.from_xywh(*truth)))
         return rendered.image_bgr
 
+    @property
+    def painted(self) -> Box | None:
+        """What the newest picture shows of the target, for the operator to draw his box round."""
+        return self._truths[-1][1] if self._truths else None
+
     def judge(self, image: Image, result: TrackResult) -> None:
         """The tracker has answered."""
         box = next((box for picture, box in self._truths if picture is image), None)
