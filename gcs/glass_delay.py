@@ -57,7 +57,9 @@ class GlassDelay:
             self.used_s += min(max(error_s, -most_s), most_s)
 
     def warnings(self) -> tuple[str, ...]:
-        """Where the given delay is not what is seen."""
+        """Where the delay is not known yet, or the given one is not what is seen."""
+        if not self.is_given and not self.estimate.known:
+            return (f"the video's delay is not known yet, {self.used_s * 1000:.0f} ms assumed; turning tells it",)
         since_s = self._differs_since_s
         if since_s is None or self._t_s - since_s < _LASTING_S:
             return ()

@@ -21,6 +21,7 @@ from tracker.box import Box, TrackResult
 CAMERA = CameraModel.from_hfov(640, 480, math.radians(70), mount_rpy_rad=(0.0, math.radians(-28), 0.0))
 BLANK = np.zeros((480, 640, 3), np.uint8)
 DELAY_S = 0.1
+_SIDE_M = 1.6
 AIRBORNE = VehicleState(
     mode=VehicleMode.HOLD,
     armed=True,
@@ -31,13 +32,15 @@ AIRBORNE = VehicleState(
 )
 
 
-def box_of(target_ned_m: Vec3, vehicle_ned_m: Vec3, yaw_rad: float, side_m: float = 1.6) -> Box | None:
-    """The box of a cube of this side, as the rig's camera on a level vehicle sees it."""
+def box_of(
+    target_ned_m: Vec3, vehicle_ned_m: Vec3, yaw_rad: float, roll_rad: float = 0.0, pitch_rad: float = 0.0
+) -> Box | None:
+    """The box of a cube as the rig's camera sees it."""
     direction = np.array(target_ned_m) - np.array(vehicle_ned_m)
-    centre = project(CAMERA, direction, 0.0, 0.0, yaw_rad)
+    centre = project(CAMERA, direction, roll_rad, pitch_rad, yaw_rad)
     if centre is None:
         return None
-    side_px = side_m / float(np.linalg.norm(direction)) * CAMERA.focal_px
+    side_px = _SIDE_M / float(np.linalg.norm(direction)) * CAMERA.focal_px
     return Box(*centre, side_px, side_px)
 
 

@@ -57,7 +57,7 @@ class TruthCamera:
         pose = self._mock.pose()
         seconds = time.monotonic() - self.begun_s
         target = (16.0 + 1.5 * seconds, 2.0 * math.sin(seconds / 2), 0.0)
-        self.boxes[self._count] = box_of(target, pose.position_ned_m, pose.yaw_rad)
+        self.boxes[self._count] = box_of(target, pose.position_ned_m, pose.yaw_rad, pose.roll_rad, pose.pitch_rad)
         image = np.zeros((480, 640, 3), np.uint8)
         image[:2] = np.frombuffer(self._count.to_bytes(2, "little"), np.uint8)[:, None, None]
         now_s = time.monotonic()
