@@ -45,7 +45,7 @@ bench: $(STAMP)
 	$(BIN)/gcs bench
 
 coverage: $(STAMP)
-	$(BIN)/coverage run --branch --include='control/gate*.py,control/fence.py,control/checks.py,control/engagement.py,control/causes.py,control/preflight.py,control/camera_check.py,control/setpoint_echo.py' -m pytest tests/control tests/property
+	$(BIN)/coverage run --branch --include='control/gate*.py,control/fence.py,control/checks.py,control/engagement.py,control/causes.py,control/preflight.py,control/camera_check.py,control/setpoint_echo.py,control/overrun.py' -m pytest tests/control tests/property
 	$(BIN)/coverage report --fail-under=100
 
 mutate: $(STAMP)

@@ -16,9 +16,9 @@ _MOST_SINCE = 0.5  # ln of the distance then over that of now
 class TargetMotion:
     """The target seen from the vehicle, horizontally; velocities over ground, already faded by their spread.
 
-    nearest_m: the least that size, or height and depression, say of the distance. sure_radial_mps: the largest
-    radial velocity that one of the two tells. steady_*: what is worth going along with. coming_mps: the
-    radial velocity made ready for the worst: as of now, not as late as the filter.
+    nearest_m: the least that size, as confirmed or as led by now, or height and depression say of the distance.
+    sure_radial_mps: the largest radial velocity that one of the two tells. steady_*: what is worth going along with.
+    coming_mps: the radial velocity made ready for the worst: as of now, not as late as the filter.
     """
 
     distance_m: float
@@ -70,7 +70,9 @@ def target_motion(
     ground_m: what height and depression say of the distance. Size is believed only so far away from it: a box
     half covered shrinks, and the vehicle must not run after it.
     """
-    distance = nearest = distance_m(confirmation, target)
+    distance = distance_m(confirmation, target)
+    # Whatever the ground has led the range to since: on a hillside the ground is wrong, and the size comes nearer.
+    nearest = distance * min(confirmation.confirmed_range_m / confirmation.range_m, 1.0)
     north, east = math.cos(target.azimuth_rad), math.sin(target.azimuth_rad)
     own_n, own_e, _ = own_velocity_ned_mps
     own_radial, own_tangential = own_n * north + own_e * east, own_e * north - own_n * east
@@ -79,7 +81,7 @@ def target_motion(
         ground_m *= confirmation.ground_factor
         lever = 2 / math.sin(-2 * target.elevation_rad)  # share of the distance in one radian of depression
         tolerance = math.exp(config.size_tolerance * target.size_trust + config.depression_std_rad * lever)
-        nearest = min(distance, ground_m)
+        nearest = min(nearest, ground_m)
         distance = min(max(distance, ground_m / tolerance), ground_m * tolerance)
         ground_ps, slack_ps = target.elevation_rate_rps * lever, config.size_rate_tolerance_ps * target.size_trust
         sure = max(opening, ground_ps)

@@ -53,7 +53,7 @@ def test_a_shrinking_box_at_the_same_depression_is_hardly_chased():
 
 
 def test_speed_and_height_are_bounded():
-    far = replace(confirmed(FollowMode.PARALLEL), range_m=30.0, ground_factor=None)
+    far = replace(confirmed(FollowMode.PARALLEL), range_m=30.0, confirmed_range_m=30.0, ground_factor=None)
     fast = wish(azimuth_rate_rps=1.0, confirmation=far)
     assert math.hypot(*fast.velocity_ned_mps[:2]) == pytest.approx(CONFIG.max_speed_mps)
     assert "speed" in fast.limited_by
@@ -65,7 +65,9 @@ def test_speed_and_height_are_bounded():
 
 def test_distance_comes_before_what_is_across():
     """Both cannot be had at max_speed_mps: the way back from a near target is not shortened by sliding past it."""
-    far = replace(confirmed(FollowMode.PARALLEL), standoff_m=34.0, range_m=30.0, ground_factor=None)
+    far = replace(
+        confirmed(FollowMode.PARALLEL), standoff_m=34.0, range_m=30.0, confirmed_range_m=30.0, ground_factor=None
+    )
     near = wish(azimuth_rate_rps=1.0, confirmation=far).velocity_ned_mps
     alone = wish(confirmation=far).velocity_ned_mps
     assert near[0] == pytest.approx(alone[0])

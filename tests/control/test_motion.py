@@ -54,6 +54,15 @@ def test_the_rate_of_size_is_believed_only_so_far_from_that_of_depression():
     assert leaving.radial_mps == pytest.approx(1.5)
 
 
+def test_a_range_that_the_ground_has_led_does_not_count_as_room():
+    """Uphill the ground says 30 m of what by its size has stayed 15 m away: kept clear of as if it were nearer."""
+    led = replace(confirmed(), range_m=2 * confirmed().range_m)
+    motion = target_motion(led, target(), STILL, CONFIG)
+    assert (motion.distance_m, motion.nearest_m) == pytest.approx((30.0, 15.0))
+    nearer = target_motion(replace(confirmed(), range_m=confirmed().range_m / 2), target(), STILL, CONFIG)
+    assert (nearer.distance_m, nearer.nearest_m) == pytest.approx((7.5, 7.5))
+
+
 def moving(radial_mps, sure_radial_mps=math.inf):
     return replace(ground_motion(), radial_mps=radial_mps, sure_radial_mps=sure_radial_mps)
 
