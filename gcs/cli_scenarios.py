@@ -88,7 +88,8 @@ def _laws(*, whole: bool) -> Callable[[Case], Iterable[LawKind]]:
     from gcs.scenarios.conditions import LawKind
 
     def laws(case: Case) -> Iterable[LawKind]:
-        both = whole or (case.scenario.name in ("sine", "zigzag") and case.mode is FollowMode.SPOTLIGHT)
+        stated = case.scenario.name in ("sine", "zigzag") and case.mode is FollowMode.SPOTLIGHT
+        both = stated or (whole and not case.conditions.gimbal)  # a gimbal is not steered by the law
         return tuple(LawKind) if both else (LawKind.STATION,)
 
     return laws

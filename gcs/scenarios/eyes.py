@@ -114,7 +114,7 @@ class ModelTracker:
         best = max(seen, key=lambda outline: overlap_frac(box, outline.box), default=None)
         if best is None:
             raise ValueError("there is nothing in the box")
-        self._name, self._box, self._hidden, self._unseen = best.name, box, 0, 0
+        self._name, self._kind, self._box, self._hidden, self._unseen = best.name, best.kind, box, 0, 0
         self._confidence = self._config.confidence
 
     def look_at(self, cx_px: float, cy_px: float) -> None:
@@ -135,7 +135,8 @@ class ModelTracker:
         if self._unseen:
             self._unseen -= 1
             return self._nothing()
-        within = [outline for outline in seen if self._reaches(outline)]
+        # A person is not taken for the tree that hides it, but one car for another.
+        within = [outline for outline in seen if outline.kind is self._kind and self._reaches(outline)]
         found = self._refound(within) if self._hidden else self._followed(within)
         if found is None:
             self._hidden += 1

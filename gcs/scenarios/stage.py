@@ -57,6 +57,7 @@ class Outline:
     """All of an object in a picture, also where it is hidden or beyond the frame."""
 
     name: str
+    kind: Kind
     box: Box
     distance_m: float
 
@@ -78,7 +79,7 @@ def outlines(objects: Sequence[ObjectState], pose: Pose, lens: Lens) -> list[Out
     for each, depth_m, (x0, y0), (x1, y1) in zip(objects, depths, lows, highs, strict=True):
         if depth_m > _NEAREST_M:
             box = Box(float(x0 + x1) / 2, float(y0 + y1) / 2, float(x1 - x0), float(y1 - y0))
-            found.append(Outline(each.name, box, math.dist(each.position_ned_m, pose.position_ned_m)))
+            found.append(Outline(each.name, each.kind, box, math.dist(each.position_ned_m, pose.position_ned_m)))
     return sorted(found, key=lambda outline: outline.distance_m)
 
 
@@ -95,8 +96,9 @@ def _corners(each: ObjectState, pose: Pose) -> npt.NDArray[np.float64]:
 
 
 def covered_frac(outline: Outline, others: Iterable[Outline]) -> float:
-    """How much of it the one object nearer that hides most of it hides."""
-    return max((overlap_frac(outline.box, o.box) for o in others if o.distance_m < outline.distance_m), default=0.0)
+    """How much of it the one nearer object that hides most of it hides. A tree's box is mostly air, and hides none."""
+    nearer = (o for o in others if o.distance_m < outline.distance_m and o.kind is not Kind.TREE)
+    return max((overlap_frac(outline.box, o.box) for o in nearer), default=0.0)
 
 
 def overlap_frac(box: Box, by: Box) -> float:
