@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from control.config import FollowConfig
 from control.motion import TargetMotion
-from control.types import TargetState
+from control.types import TargetState, VehicleState
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +19,15 @@ class Closing:
     brake: bool
 
 
-def stoppable_speed_mps(margin_m: float, config: FollowConfig) -> float:
-    """The largest v with v <= margin / (response + v / a): what can still be stopped short of the margin."""
+def stoppable_speed_mps(margin_m: float, target: TargetState, vehicle: VehicleState, config: FollowConfig) -> float:
+    """The largest v with v <= margin / (response + v / a): what can still be stopped short of the margin.
+
+    The response is the vehicle's, and by so much as the target was seen before the command acts, ours.
+    """
     if margin_m <= 0:
         return 0.0
-    a, t = config.braking_mps2, config.response_s
+    a = min(config.braking_mps2, vehicle.braking_mps2)
+    t = config.response_s + vehicle.late_s + max(target.t_s - target.measured_t_s, 0.0)
     return a / 2 * (math.sqrt(t * t + 4 * margin_m / a) - t)
 
 
@@ -36,13 +40,18 @@ def confidence_factor(confidence: float, config: FollowConfig) -> float:
 
 
 def limit_closing(
-    radial_mps: float, motion: TargetMotion, target: TargetState, config: FollowConfig, coasting: bool
+    radial_mps: float,
+    motion: TargetMotion,
+    target: TargetState,
+    vehicle: VehicleState,
+    config: FollowConfig,
+    coasting: bool,
 ) -> Closing:
     """Bound the speed towards the target; backing off is never bounded.
 
     Of a target that comes nearer the speed is taken off what can be stopped: near enough, the vehicle backs off.
     """
-    stoppable_mps = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, config)
+    stoppable_mps = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, target, vehicle, config)
     caps = {"stopping distance": stoppable_mps + min(motion.radial_mps, motion.coming_mps, 0.0)}
     sure_rate_ps = target.log_size_rate_ps - target.log_size_rate_std_ps
     collision = sure_rate_ps * config.time_to_collision_s > 1.0

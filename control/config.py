@@ -89,7 +89,7 @@ class FollowConfig:
     min_distance_m: float = ranged(1.5, 3.0, 50.0)
     max_distance_m: float = ranged(5.0, 80.0, 200.0)
     min_depression_rad: float = ranged(math.radians(1), math.radians(4), math.radians(45))
-    response_s: float = ranged(0.1, 1.0, 3.0)  # latency and lag until the vehicle brakes
+    response_s: float = ranged(0.1, 0.9, 3.0)  # until a vehicle brakes; the latency comes on top
     braking_mps2: float = ranged(0.5, 3.5, 4.0)
     time_to_collision_s: float = ranged(1.0, 3.0, 10.0)
     closing_confidence: float = ranged(0.0, 0.4, 1.0)  # below it distance may only grow

@@ -79,10 +79,10 @@ def _hold_distance(scene: Scene, tangential_mps: float) -> Wish:
     config, target, motion, confirmation = scene.config, scene.target, scene.motion, scene.confirmation
     wanted = config.range_gain_ps * (motion.distance_m - confirmation.standoff_m)
     wanted += config.target_velocity_gain * motion.steady_radial_mps - confirmation.standoff_rate_mps(config)
-    closing = limit_closing(wanted, motion, target, config, scene.coasting)
+    closing = limit_closing(wanted, motion, target, scene.vehicle, config, scene.coasting)
     radial, names = closing.radial_mps, closing.names
     # What is across now is towards the target as soon as that moves on.
-    most = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, config)
+    most = stoppable_speed_mps(motion.nearest_m - config.min_distance_m, target, scene.vehicle, config)
     tangential_mps = min(max(tangential_mps, -most), most)
     trust = confidence_factor(target.confidence, config)
     if trust < 1.0:

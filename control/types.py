@@ -44,6 +44,10 @@ class VehicleState:
     velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     height_m: float = 0.0  # above home, from relative altitude
     battery_frac: float | None = None
+    # What its autopilot makes of a velocity setpoint, whatever is asked: the hardest it brakes, and how much later than
+    # PX4 it answers.
+    braking_mps2: float = 9.0
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,6 +187,8 @@ def _heartbeat(state: VehicleState, message: Message, t_s: float, autopilot: Aut
         mode_t_s=t_s,
         armed=bool(message.base_mode & _ARMED),
         failsafe=message.system_status >= _CRITICAL,
+        braking_mps2=autopilot.braking_mps2,
+        late_s=autopilot.late_s,
     )
 
 

@@ -38,6 +38,16 @@ class Autopilot(Protocol):
         """PARAM_VALUE holds an integer's bytes, not its value as a float."""
         ...
 
+    @property
+    def braking_mps2(self) -> float:
+        """The hardest it brakes in external control, with its factory's settings."""
+        ...
+
+    @property
+    def late_s(self) -> float:
+        """How much later than PX4 it answers a step of velocity."""
+        ...
+
     def mode_of(self, custom_mode: int) -> VehicleMode:
         """Meaning of HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode; OTHER if not one we know."""
         ...

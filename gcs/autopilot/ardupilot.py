@@ -41,6 +41,8 @@ class ArduCopter:
     name: str = "ArduCopter"
     streams: tuple[Stream, ...] = STREAMS
     integers_bytewise: bool = False
+    braking_mps2: float = 2.5  # WPNAV_ACCEL
+    late_s: float = 0.4  # measured: 0.49 + 0.59 s, PX4 0.20 + 0.48 s
     backend: Backend = Backend.SETPOINTS
 
     def mode_of(self, custom_mode: int) -> VehicleMode:

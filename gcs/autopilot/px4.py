@@ -43,6 +43,8 @@ class Px4:
     name: str = "PX4"
     streams: tuple[Stream, ...] = STREAMS
     integers_bytewise: bool = True
+    braking_mps2: float = 9.0  # it limits the tilt alone
+    late_s: float = 0.0
     backend: Backend = Backend.SETPOINTS
 
     def mode_of(self, custom_mode: int) -> VehicleMode:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from control.attitude import wrap_pi
@@ -39,6 +38,7 @@ class Sample:
     is_hit: bool
     velocity_ned_mps: Vec3
     yaw_rate_rps: float
+    own_velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)  # flown by itself: without the gusts that push it
 
     @property
     def bearing_error_rad(self) -> float:
@@ -58,7 +58,7 @@ class Row:
 
     bearing and distance: rms, after settling, while the vehicle was ours and the target not hidden; distance in parts
     of the true one at the confirmation. on_target_frac: of the time in which the target was not hidden. approached_m:
-    the nearest at which the vehicle, while it was ours, itself moved towards the target.
+    the nearest at which the vehicle, while it was ours, itself flew towards the target; gusts that push it are not it.
     """
 
     bearing_rms_deg: float
@@ -107,11 +107,11 @@ def measure(
 
 def _approached_m(samples: Sequence[Sample]) -> float:
     nearest_m = math.inf
-    for before, now in pairwise(samples):
+    for now in samples:
         towards = [now.target_ned_m[i] - now.vehicle_ned_m[i] for i in (0, 1)]
-        flown = [now.vehicle_ned_m[i] - before.vehicle_ned_m[i] for i in (0, 1)]
-        closing_m = sum(a * b for a, b in zip(towards, flown, strict=True)) / max(now.distance_m, 1e-9)
-        if now.state in _ENGAGED and closing_m > _CLOSING_MPS * (now.t_s - before.t_s):
+        own = zip(towards, now.own_velocity_ned_mps, strict=False)
+        closing_mps = sum(a * b for a, b in own) / max(now.distance_m, 1e-9)
+        if now.state in _ENGAGED and closing_mps > _CLOSING_MPS:
             nearest_m = min(nearest_m, now.distance_m)
     return nearest_m
 

@@ -223,4 +223,5 @@ class _Recorder:
             eyes.newest.is_hit if eyes.newest is not None else False,
             setpoint.velocity_ned_mps if setpoint is not None else (0.0, 0.0, 0.0),
             setpoint.yaw_rate_rps if setpoint is not None else 0.0,
+            pose.velocity_ned_mps,
         )

@@ -11,14 +11,23 @@ from control.field_of_view import view_acceleration_mps2
 from control.modes import FollowMode
 from control.motion import target_motion
 
-from .follow_rig import CAMERA, CONFIG, confirmed, target, wish
+from .follow_rig import CAMERA, CONFIG, VEHICLE, confirmed, target, wish
 
 
 @pytest.mark.parametrize("margin", [0.5, 3.0, 12.0, 50.0])
 def test_closing_speed_is_what_can_still_be_stopped(margin):
-    v = stoppable_speed_mps(margin, CONFIG)
+    fresh = target(measured_t_s=target().t_s)
+    v = stoppable_speed_mps(margin, fresh, VEHICLE, CONFIG)
     assert v * (CONFIG.response_s + v / CONFIG.braking_mps2) == pytest.approx(margin)
-    assert stoppable_speed_mps(0.0, CONFIG) == stoppable_speed_mps(-5.0, CONFIG) == 0.0
+    for nothing in (0.0, -5.0):
+        assert stoppable_speed_mps(nothing, fresh, VEHICLE, CONFIG) == 0.0
+
+
+def test_what_is_seen_late_or_brakes_softly_is_stopped_from_less():
+    """A quarter of a second of latency; an autopilot that answers 0.4 s later and brakes at 2.5 m/s² at most."""
+    late, soft = target(measured_t_s=target().t_s - 0.25), replace(VEHICLE, braking_mps2=2.5, late_s=0.4)
+    v = stoppable_speed_mps(9.0, late, soft, CONFIG)
+    assert v * (CONFIG.response_s + 0.25 + 0.4 + v / 2.5) == pytest.approx(9.0)
 
 
 def test_never_closer_than_the_smallest_distance():
