@@ -31,8 +31,8 @@ def load(path: Path = FILE) -> Reference:
         raise ReferenceFileError(f"{path}: {error}") from None
 
 
-def _figure(median: float | None, spread: float) -> Figure:
-    return Figure(math.inf if median is None else float(median), float(spread))
+def _figure(median: float | None, spread: float | None) -> Figure:
+    return Figure(*(math.inf if value is None else float(value) for value in (median, spread)))
 
 
 def update(lines: Iterable[Line], path: Path = FILE) -> None:
@@ -45,7 +45,7 @@ def update(lines: Iterable[Line], path: Path = FILE) -> None:
 
 def _row(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
     return {
-        name: [round(f.median, 4) if math.isfinite(f.median) else None, round(f.spread, 4)]
+        name: [round(value, 4) if math.isfinite(value) else None for value in (f.median, f.spread)]
         for name, f in figures.items()
     }
 

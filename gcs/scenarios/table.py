@@ -46,7 +46,7 @@ COLUMNS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Over the seeds; spread: the largest less the smallest."""
+    """Over the seeds; spread: the largest less the smallest; infinite where only some are finite."""
 
     median: float
     spread: float
@@ -86,7 +86,7 @@ def line_of(case: Case, law: LawKind, rows: Sequence[Row]) -> Line:
 
 def _figure(values: Sequence[float]) -> Figure:
     finite = [value for value in values if math.isfinite(value)]
-    spread = max(finite) - min(finite) if len(finite) == len(values) else 0.0
+    spread = max(finite) - min(finite) if len(finite) == len(values) else math.inf if finite else 0.0
     return Figure(statistics.median(values), spread)
 
 
