@@ -22,8 +22,9 @@ VIDEO: Final = (
     Fault(7, "target leaves the picture", Expect.RELEASED, video.target_leaves, 1.05, watch_s=4.6),
     Fault(8, "hidden for good", Expect.RELEASED, video.hidden_long, 1.05, watch_s=4.6),
     Fault(8, "hidden briefly", Expect.GOES_ON, video.hidden_briefly),
-    Fault(9, "picture mirrored", Expect.RELEASED, video.camera_mirrored, 3.0, from_start=True, watch_s=7.0),
-    Fault(9, "camera upside down", Expect.RELEASED, video.camera_rolled, 3.0, from_start=True, watch_s=7.0),
+    # 3 s of seeing it; while the target is hidden meanwhile, nothing can be told of the camera.
+    Fault(9, "picture mirrored", Expect.RELEASED, video.camera_mirrored, 4.2, from_start=True, watch_s=7.0),
+    Fault(9, "camera upside down", Expect.RELEASED, video.camera_rolled, 4.2, from_start=True, watch_s=7.0),
     Fault(20, "target comes at the vehicle", Expect.SAFE, video.target_comes, watch_s=4.0),
     Fault(33, "pictures damaged", Expect.RELEASED, video.pictures_broken, 1.05, watch_s=4.6),
     Fault(39, "tracker fails", Expect.RELEASED, video.tracker_fails, 1.05, watch_s=4.6),
