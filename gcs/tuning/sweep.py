@@ -19,6 +19,7 @@ from sitl_mocks.dynamics import PX4, Airframe
 
 Gains = Mapping[str, float]
 PATHS: Final = ("sine", "zigzag")
+RUNS: Final = ("zigzag-away", "stop-and-go")  # and where distance is held: to and fro alone, doing nothing is best
 _SHORT_S: Final = 22.0  # of a flight while choosing; the result is flown in full
 _AMISS: Final = 0.25  # an airframe's answer is never known better: gains must stand so much more and less of it
 _GUESS_S: Final = 0.06  # nor is the delay
@@ -102,10 +103,11 @@ def sweep(job: Job, pool: Executor, told: Callable[[str], None]) -> Tuned:
 
 def _costs(job: Job, candidates: Sequence[Gains], mode: FollowMode, pool: Executor) -> Iterator[float]:
     """Of each: the mean over both paths and over what the airframe and the delay may be in truth."""
+    each_path = PATHS if mode is FollowMode.SPOTLIGHT else (*PATHS, *RUNS)
     flights = [
-        _conditions(way, gains, mode, error_s) for gains in candidates for way, error_s in _ways(job) for _ in PATHS
+        _conditions(way, gains, mode, error_s) for gains in candidates for way, error_s in _ways(job) for _ in each_path
     ]
-    paths = list(PATHS) * (len(flights) // len(PATHS))
+    paths = list(each_path) * (len(flights) // len(each_path))
     rows = list(pool.map(_short, paths, flights))
     each = len(rows) // len(candidates)
     for at in range(0, len(rows), each):
