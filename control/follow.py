@@ -47,7 +47,7 @@ def follow_request(
 ) -> tuple[VelocityRequest, FollowState]:
     """The request of this 20 Hz tick and the shaping state after it.
 
-    target: the estimator's prediction for now + config.follow.lead_s. velocity_factor: the state machine's
+    target: the estimator's prediction for when the command arrives. velocity_factor: the state machine's
     (1 while following, falling to 0 while coasting). gimbal: the camera is on one, and how that stands.
     """
     follow = config.follow

@@ -10,18 +10,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from control.attitude import wrap_pi
 from control.types import Vec3
 from gcs.errors import GcsError
+from gcs.truth import Standing, is_on
 from tracker.box import Box
 
 _MIN_VISIBLE_FRAC = 0.3
-_MIN_IOU = 0.3
 _JOIN_S = 0.05  # a frame belongs to the truth of this long before or after
 
 
 @dataclass(frozen=True, slots=True)
-class TruthRow:
+class TruthRow(Standing):
     """One rendered frame: capture time (monotonic s), NED metres, the camera's yaw in rad, box x, y, w, h in px."""
 
     t_s: float
@@ -30,17 +29,6 @@ class TruthRow:
     target_ned_m: Vec3
     box_xywh_px: tuple[float, float, float, float] | None
     visible_frac: float
-
-    @property
-    def bearing_error_rad(self) -> float:
-        """Azimuth of the target as seen from the vehicle, less the heading of its camera."""
-        north, east = (self.target_ned_m[i] - self.vehicle_ned_m[i] for i in (0, 1))
-        return wrap_pi(math.atan2(east, north) - self.yaw_rad)
-
-    @property
-    def distance_m(self) -> float:
-        """Horizontal distance."""
-        return math.dist(self.vehicle_ned_m[:2], self.target_ned_m[:2])
 
     @property
     def is_visible(self) -> bool:
@@ -168,16 +156,6 @@ def _on_target_frac(truth: Sequence[TruthRow], frames: Iterable[TrackedFrame], h
         elif row.is_visible and row.box_xywh_px is not None:
             hits.append(frame.box is not None and is_on(frame.box, Box.from_xywh(*row.box_xywh_px)))
     return sum(hits) / len(hits) if hits else None
-
-
-def is_on(box: Box, true: Box) -> bool:
-    """Intersection over union above 0.3."""
-    ax, ay, aw, ah = box.xywh
-    bx, by, bw, bh = true.xywh
-    width = min(ax + aw, bx + bw) - max(ax, bx)
-    height = min(ay + ah, by + bh) - max(ay, by)
-    overlap = max(width, 0.0) * max(height, 0.0)
-    return overlap > _MIN_IOU * (aw * ah + bw * bh - overlap)
 
 
 def _rms(values: Sequence[float]) -> float | None:

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from gcs.demo_report import is_on
 from gcs.lockstep.eyes import Eyes
 from gcs.scenarios.stage import Outline, Stage, covered_frac, outlines, overlap_frac
 from gcs.tracking import BoxTracker
+from gcs.truth import is_on
 from gcs.video.frame import Image
 from sitl_mocks.camera import RenderedCamera, visible_box
 from sitl_mocks.monitor import Vec3

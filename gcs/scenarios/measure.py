@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from control.attitude import wrap_pi
 from control.engagement import State
 from control.modes import FollowMode
 from control.types import Vec3
 from gcs.lockstep.world import World
+from gcs.truth import Standing
 
 if TYPE_CHECKING:
     from gcs.scenarios.catalogue import Scenario
@@ -22,7 +22,7 @@ _ENGAGED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(Standing):
     """The truth at one moment after the confirmation, and what was commanded. NED metres, m/s, rad.
 
     is_visible, is_hit: of the newest picture, whether it showed the target and whether the tracker's box was on it.
@@ -39,17 +39,6 @@ class Sample:
     velocity_ned_mps: Vec3
     yaw_rate_rps: float
     own_velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)  # flown by itself: without the gusts that push it
-
-    @property
-    def bearing_error_rad(self) -> float:
-        """Azimuth of the target less the heading of the nose."""
-        north, east = (self.target_ned_m[i] - self.vehicle_ned_m[i] for i in (0, 1))
-        return wrap_pi(math.atan2(east, north) - self.yaw_rad)
-
-    @property
-    def distance_m(self) -> float:
-        """Horizontal."""
-        return math.dist(self.vehicle_ned_m[:2], self.target_ned_m[:2])
 
 
 @dataclass(frozen=True, slots=True)

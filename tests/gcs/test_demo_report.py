@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from gcs.demo_plot import plot
-from gcs.demo_report import Score, Span, TrackedFrame, TruthRow, is_on, nearest, parse_truth, read_truth, score, table
+from gcs.demo_report import Score, Span, TrackedFrame, TruthRow, nearest, parse_truth, read_truth, score, table
 from gcs.errors import GcsError
+from gcs.truth import is_on
 from tracker.box import Box
 
 BOX = (100.0, 100.0, 40.0, 20.0)
