@@ -12,7 +12,7 @@ _MIN_IOU = 0.3
 
 
 class Standing:
-    """How vehicle and target stand to each other, for a dataclass with these fields. NED metres; the camera's yaw, rad."""
+    """How vehicle and target stand to each other, NED metres; the camera's yaw in rad."""
 
     __slots__ = ()
     vehicle_ned_m: Vec3
