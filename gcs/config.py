@@ -18,6 +18,7 @@ from gcs.audit import KNOWN
 from gcs.backend import Backend
 from gcs.config_yaml import load_dataclass
 from gcs.errors import ConfigError
+from gcs.operator.config import MavlinkCameraConfig, PageConfig, VideoOutConfig
 
 Triple = tuple[float, float, float]
 
@@ -213,6 +214,9 @@ class Config:
     follow: FollowConfig = field(default_factory=FollowConfig)
     vehicle: VehicleConfig = field(default_factory=VehicleConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
+    page: PageConfig = field(default_factory=PageConfig)
+    mavlink_camera: MavlinkCameraConfig = field(default_factory=MavlinkCameraConfig)
+    video_out: VideoOutConfig = field(default_factory=VideoOutConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
 
     def camera_model(self, width_px: int, height_px: int) -> CameraModel:

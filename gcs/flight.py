@@ -29,6 +29,7 @@ from gcs.config import Config
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_modes import ModeSwitch, Spawn
 from gcs.flight_output import output_of
+from gcs.flight_record import Film
 from gcs.flight_view import (
     Sighting,
     Status,
@@ -102,6 +103,7 @@ class Flight:
         self.tick: Tick | None = None
         self.seen: Seen | None = None
         self.watchers = watchers
+        self.film: Film | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._spawn: Spawn | None = None
         self._stopping = asyncio.Event()
@@ -272,16 +274,29 @@ class Flight:
 
     def status(self) -> Status:
         """The state of everything, now."""
-        confirmation = self.control.confirmation if self.control.is_engaged else None
-        vehicle, follow = self.link.telemetry.vehicle_state(), self.config.control.follow
-        now_s = self.clock.now_s()
-        warnings = link_warnings(self.link.wire, self.link.telemetry, now_s) if now_s > self._settled_s else ()
-        if self.gimbal is not None and now_s > self._settled_s:
-            warnings += self.gimbal.warnings(now_s)
-        warnings += self.glass.warnings()
+        control, now_s = self.control, self.clock.now_s()
+        confirmation = control.confirmation if control.is_engaged else None
+        vehicle = self.link.telemetry.vehicle_state()
         link, fps = link_summary(self.link.wire, now_s), self._rate.fps
-        status = make_status(now_s, self.tick, vehicle, confirmation, follow, fps, warnings, link)
-        return replace(status, budget=self._budgets.at(now_s), glass_delay=self.glass.estimate, way=self.output.label)
+        follow = self.config.control.follow
+        status = make_status(now_s, self.tick, vehicle, confirmation, follow, fps, self._warnings(now_s), link)
+        return replace(
+            status,
+            budget=self._budgets.at(now_s),
+            glass_delay=self.glass.estimate,
+            way=self.output.label,
+            follow_mode=control.wanted.mode if confirmation is None else confirmation.mode,
+            selection=self.seen.selection if self.seen is not None else 0,
+            frame_t_s=self.seen.frame.t_arrival_s if self.seen is not None else None,
+            recording=self.film.on if self.film is not None else None,
+        )
+
+    def _warnings(self, now_s: float) -> tuple[str, ...]:
+        warnings: tuple[str, ...] = ()
+        if now_s > self._settled_s:
+            warnings = link_warnings(self.link.wire, self.link.telemetry, now_s)
+            warnings += self.gimbal.warnings(now_s) if self.gimbal is not None else ()
+        return warnings + self.glass.warnings()
 
     def status_line(self) -> str:
         """The same in one line."""

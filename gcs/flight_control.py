@@ -14,6 +14,7 @@ from control.attitude import AttitudeBuffer
 from control.camera import CameraModel
 from control.config import ControlConfig
 from control.engagement import Action, Engagement, Inputs, Output, State
+from control.fence import Fence
 from control.follow import FollowState, follow_request
 from control.gate import TICK_S, Setpoint, gate
 from control.gimbal import GimbalRequest, GimbalState, Pointing
@@ -81,6 +82,11 @@ class FollowControl:
     def is_engaged(self) -> bool:
         """The vehicle is ours to move, or about to be."""
         return self._engaged
+
+    @property
+    def fence(self) -> Fence:
+        """As it is kept, a fence in degrees once it has its place."""
+        return self._config.limits.fence
 
     def home_at(self, latitude_deg: float, longitude_deg: float) -> None:
         """The vehicle says where its home is: a fence given in degrees gets its place around it."""

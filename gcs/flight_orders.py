@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, assert_never
 
@@ -12,6 +13,7 @@ from control.engagement import State
 from control.modes import Confirmation, ConfirmError
 from control.motion import distance_m
 from control.types import VehicleMode
+from gcs.candidates import Candidate, box_at
 from gcs.errors import GcsError, SelectionError
 from gcs.flight import Flight
 from gcs.flight_control import Act, Tick
@@ -20,12 +22,16 @@ from gcs.operator.orders import (
     Accept,
     Acknowledge,
     Confirm,
+    Deselect,
     Hold,
     Land,
     Order,
     Quit,
+    Record,
     Return,
     Select,
+    SelectCandidate,
+    SelectPoint,
     SetDistance,
     SetMode,
     SetStandoff,
@@ -46,8 +52,9 @@ class RefusedError(GcsError):
 class Orders:
     """The flight as operators see it (`gcs.operator.terminal.Flying`)."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, candidates: Callable[[], tuple[Candidate, ...]] = tuple) -> None:
         self._flight = flight
+        self._candidates = candidates
 
     def status_line(self) -> str:
         """The state of everything in one line."""
@@ -59,6 +66,10 @@ class Orders:
         match order:
             case Select():
                 return await self._select(order)
+            case SelectPoint() | SelectCandidate():
+                return await self._select(await self._box_of(order))
+            case Deselect():
+                return await self._deselect()
             case Confirm():
                 return await self._confirm()
             case Acknowledge():
@@ -93,6 +104,8 @@ class Orders:
                 return self._change(order)
             case Accept(name):
                 return flight.auditor.accept(name)
+            case Record(on):
+                return self._record(on)
             case Quit():
                 flight.stop()
                 return "leaving"
@@ -118,6 +131,29 @@ class Orders:
             raise SelectionError(seen.problem)
         x, y, w, h = box.xywh
         return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; `follow` confirms"
+
+    async def _box_of(self, order: SelectPoint | SelectCandidate) -> Select:
+        """What was pointed at, as a box drawn by hand."""
+        if isinstance(order, SelectCandidate):
+            found = next((each for each in self._candidates() if each.number == order.number), None)
+            if found is None:
+                raise SelectionError(f"there is no candidate {order.number}")
+            return Select(found.box)
+        frame = order.frame or self._flight.vision.frames.newest
+        if frame is None:
+            raise SelectionError("no picture has come yet")
+        point = order.x_px, order.y_px, order.radius_px
+        return Select(await asyncio.to_thread(box_at, frame.image_bgr, *point), frame)
+
+    async def _deselect(self) -> str:
+        flight = self._flight
+        if flight.control.is_engaged:
+            raise RefusedError("a target is being followed: abort first")
+        await self._settle()
+        flight.vision.select(None)
+        flight.control.select(0)
+        await flight.next_tick()
+        return "nothing is selected"
 
     async def _settle(self) -> None:
         """Wait until a hold that was commanded is seen or given up: before that nothing new can begin."""
@@ -219,6 +255,13 @@ class Orders:
         standoff = "as at that moment" if wanted.standoff_m is None else f"{wanted.standoff_m:g} m"
         distance = "from height and view angle" if wanted.distance_m is None else f"{wanted.distance_m:g} m"
         return f"the next confirmation: {wanted.mode.value}, standoff {standoff}, distance {distance}"
+
+    def _record(self, on: bool | None) -> str:
+        film = self._flight.film
+        if film is None:
+            raise RefusedError("no film can be made: recorder.video is off")
+        film.on = not film.on if on is None else on
+        return "filming" if film.on else "not filming; the log is kept all the same"
 
     def _mode(self) -> VehicleMode:
         return self._flight.link.telemetry.vehicle_state().mode

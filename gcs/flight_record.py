@@ -40,6 +40,13 @@ class FrameRecord:
     glass_delay: DelayEstimate  # what the pictures tell; what is used is the difference of the first two times
 
 
+@dataclass(slots=True)
+class Film:
+    """The operator's switch for the film of a flight; what was not filmed stands still in it."""
+
+    on: bool = True
+
+
 class FlightRecorder:
     """A `Watcher` that writes; close it after the flight."""
 
@@ -62,6 +69,7 @@ class FlightRecorder:
         limit = int(config.size_limit_mb * 1e6)
         self._messages = MessageLog(folder / MESSAGES, size_limit_bytes=limit) if config.messages else None
         self._video = FlightVideo(folder / VIDEO, size, fps or _FPS) if config.video else None
+        self.film = Film() if config.video else None
 
     def saw(self, sighting: Sighting) -> None:
         """Log the frame and draw it."""
@@ -74,7 +82,7 @@ class FlightRecorder:
                 sighting.status.glass_delay,
             )  # fmt: skip
             self._messages.write(seen.t_done_s, record, frame.seq)
-        if self._video is not None:
+        if self._video is not None and self.film is not None and self.film.on:
             self._video.write(frame.image_bgr, overlay(sighting, self._watermark), frame.t_arrival_s)
 
     def ticked(self, tick: Tick) -> None:

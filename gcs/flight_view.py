@@ -13,7 +13,7 @@ from control.camera import CameraModel, box_of
 from control.config import FollowConfig
 from control.engagement import State
 from control.latency import UNKNOWN, DelayEstimate
-from control.modes import Confirmation, ground_distance_m
+from control.modes import Confirmation, FollowMode, ground_distance_m
 from control.motion import distance_m
 from control.types import BearingMeasurement, TargetState, VehicleState
 from gcs import hud
@@ -58,6 +58,20 @@ class Status:
     way: str = ""  # by which the vehicle is flown, where it is not the usual one
     budget: Budget | None = None  # from light to command, over the last second
     glass_delay: DelayEstimate = UNKNOWN
+    follow_mode: FollowMode = FollowMode.FOLLOW  # held, or what the next confirmation asks for
+    selection: int = 0  # counts selections; 0: nothing is selected
+    frame_t_s: float | None = None  # arrival of the newest picture
+    recording: bool | None = None  # whether a film is being made; None: it cannot be
+
+    @property
+    def is_engaged(self) -> bool:
+        """The vehicle is ours to move, or about to be."""
+        return self.engaging or self.state in (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
+
+    @property
+    def tone(self) -> hud.Tone:
+        """How urgent the state is."""
+        return _TONES[self.state]
 
     @property
     def headline(self) -> str:

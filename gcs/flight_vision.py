@@ -20,6 +20,7 @@ from gcs.tracking import BoxTracker
 from gcs.video import Frame, VideoSource
 from gcs.video.flow import BackgroundFlow
 from gcs.video.frame import Image
+from gcs.video.history import FrameHistory
 from tracker.box import Box, TrackResult
 
 _READ_S = 0.2
@@ -103,6 +104,7 @@ class Vision:
         self._expect = expect
         self._hidden_like: Box | None = None  # the last box, while the target is hidden
         self._still = StillPicture()
+        self.frames = FrameHistory()
         self._lock = threading.Lock()
         self._asked: _Selection | None = None
         self._selections = 0
@@ -121,6 +123,7 @@ class Vision:
         """Track in one frame; what `run` does for each. Only one thread may call it."""
         t_start_s = self._clock.now_s()
         frame = replace(frame, t_capture_s=frame.t_capture_s - self._correction_s())
+        self.frames.add(frame)
         frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
         with self._lock:
             asked, self._asked = self._asked, None

@@ -29,6 +29,31 @@ class Select:
 
 
 @dataclass(frozen=True, slots=True)
+class SelectPoint:
+    """Track what stands at this point (px) of the picture that was pointed at; moves nothing.
+
+    radius_px: about how large it is, None where that is not known.
+    """
+
+    x_px: float
+    y_px: float
+    frame: Frame | None = None
+    radius_px: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SelectCandidate:
+    """Track the candidate of this number (see gcs.candidates); moves nothing."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Deselect:
+    """Track nothing."""
+
+
+@dataclass(frozen=True, slots=True)
 class Confirm:
     """Follow what is tracked; the one deliberate act that lets the vehicle move."""
 
@@ -104,12 +129,22 @@ class Accept:
 
 
 @dataclass(frozen=True, slots=True)
+class Record:
+    """Film what is seen, or no longer; None: the other way round than now. The log is kept in any case."""
+
+    on: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Quit:
     """Stop, hold and leave."""
 
 
 Order: TypeAlias = (
     Select
+    | SelectPoint
+    | SelectCandidate
+    | Deselect
     | Confirm
     | Acknowledge
     | Abort
@@ -122,12 +157,13 @@ Order: TypeAlias = (
     | StepStandoff
     | SetDistance
     | Accept
+    | Record
     | Quit
 )
 
 HELP = (
-    "box X Y W H · follow · abort · ack · mode MODE · standoff M|now · approach [M] · retreat [M] · distance M|auto · "
-    "hold · takeoff [M] · land · rtl · accept PARAMETER · quit"
+    "box X Y W H · point X Y · pick NUMBER · drop · follow · abort · ack · mode MODE · standoff M|now · approach [M] · "
+    "retreat [M] · distance M|auto · hold · takeoff [M] · land · rtl · accept PARAMETER · record [on|off] · quit"
 )
 
 
@@ -142,7 +178,7 @@ def parse_order(line: str) -> Order:
     form, make = _ORDERS[name]
     try:
         return make(*args)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, KeyError):
         raise OrderError(f"{line.strip()!r}: expected {form}") from None
 
 
@@ -165,6 +201,17 @@ def _positive_m(text: str) -> float:
     return value
 
 
+def _point(x: str, y: str) -> SelectPoint:
+    x_px, y_px = float(x), float(y)
+    if not (math.isfinite(x_px) and math.isfinite(y_px)):
+        raise ValueError(x, y)
+    return SelectPoint(x_px, y_px)
+
+
+def _record(how: str | None = None) -> Record:
+    return Record(None if how is None else {"on": True, "off": False}[how])
+
+
 def _takeoff(height: str | None = None) -> TakeOff:
     return TakeOff(None if height is None else _positive_m(height))
 
@@ -180,6 +227,9 @@ def _distance(text: str) -> SetDistance:
 _ORDERS: Mapping[str, tuple[str, Callable[..., Order]]] = MappingProxyType(
     {
         "box": ("box X Y W H in pixels, X and Y of the top-left corner", _box),
+        "point": ("point X Y in pixels", _point),
+        "pick": ("pick NUMBER of a candidate", lambda number: SelectCandidate(int(number))),
+        "drop": ("drop", Deselect),
         "follow": ("follow", Confirm),
         "abort": ("abort", Abort),
         "ack": ("ack", Acknowledge),
@@ -194,6 +244,7 @@ _ORDERS: Mapping[str, tuple[str, Callable[..., Order]]] = MappingProxyType(
         "standoff": ("standoff METRES or standoff now", _standoff),
         "distance": ("distance METRES or distance auto", _distance),
         "accept": ("accept NAME of a parameter", lambda name: Accept(name.upper())),
+        "record": ("record, record on or record off", _record),
         "quit": ("quit", Quit),
     }
 )
