@@ -14,10 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from control.camera import CameraModel
-from control.checks import fresh
-from control.engagement import MODE_AGE_S, Action
 from control.gate import TICK_S
-from control.types import VehicleMode
 from gcs import codec
 from gcs.announcer import Announcer
 from gcs.audit import Audit
@@ -27,6 +24,7 @@ from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.flight_control import Act, FollowControl, Tick
+from gcs.flight_end import leave
 from gcs.flight_modes import ModeSwitch, Spawn
 from gcs.flight_output import output_of
 from gcs.flight_record import Film
@@ -54,7 +52,6 @@ from gcs.wire import Wire
 from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
-_LEAVING_ZEROS: Final = 3
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
 
@@ -109,7 +106,7 @@ class Flight:
         self._stopping = asyncio.Event()
         self._ticked: Next[Tick] = Next()
         self._looked: Next[Seen] = Next()
-        self._modes = ModeSwitch(link.modes, say)
+        self.modes = ModeSwitch(link.modes, say)
         accepted = config.vehicle.accept_parameters
         self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited, backend)
         self._rate = FrameRate()
@@ -132,12 +129,12 @@ class Flight:
                     *(group.create_task(each) for each in beside),
                 ]
                 await self._stopping.wait()
-                self._modes.cancel()
+                self.modes.cancel()
                 for task in tasks:
                     task.cancel()
         finally:
             self._spawn = None
-            await asyncio.gather(self._leave(), self._leave_gimbal())
+            await asyncio.gather(leave(self), self._leave_gimbal())
             # Its own thread: waiting for the frame under way must not hold up the loop.
             await asyncio.to_thread(self.vision.close)
 
@@ -183,41 +180,17 @@ class Flight:
         if tick.budget is not None:
             self._budgets.note(now_s, tick.budget)
         if self._spawn is not None:
-            self._modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
+            self.modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
         self._announcer.ticked(tick)
         for watcher in self.watchers:
             watcher.ticked(tick)
         self._ticked.tell(tick)
         return tick
 
-    # -- the end ------------------------------------------------------------------------------------------
-
-    async def _leave(self) -> None:
-        """Zero, hold, silence, if the vehicle is ours; the control task has ended by now."""
-        tick = self.tick
-        ours = self.control.is_engaged or (tick is not None and tick.output.action is Action.COMMAND_HOLD)
-        mode = self.link.telemetry.vehicle_state().mode
-        if not ours or mode not in (VehicleMode.EXTERNAL, VehicleMode.HOLD):
-            return
-        for _ in range(_LEAVING_ZEROS):
-            self._send_zero()
-            await asyncio.sleep(TICK_S)
-        holding = asyncio.create_task(self._modes.hold())
-        while not holding.done():
-            # Where the mode is not heard, it may long be holding or be a pilot's.
-            if fresh(self.link.telemetry.vehicle_state().mode_t_s, self.clock.now_s(), MODE_AGE_S):
-                self._send_zero()
-            await asyncio.wait([holding], timeout=TICK_S)
-
     async def _leave_gimbal(self) -> None:
         if self.gimbal is not None:
             await self.gimbal.leave()
             self.gimbal.close()
-
-    def _send_zero(self) -> None:
-        setpoint = self.control.zero(self.clock.now_s(), self.link.telemetry.vehicle_state())
-        if setpoint is not None:
-            self.output.stop(setpoint)
 
     # -- seeing -------------------------------------------------------------------------------------------
 
