@@ -14,6 +14,7 @@ import numpy as np
 from control.engagement import State
 from control.fence import Fence
 from control.types import VehicleMode, VehicleState
+from gcs.audit import Audit
 from gcs.candidates import Candidate
 from gcs.errors import GcsError
 from gcs.flight_view import Sighting, Status, Watcher
@@ -34,6 +35,7 @@ from gcs.operator.orders import (
     StepStandoff,
 )
 from gcs.operator.station import Scene
+from gcs.tick import Tick
 from gcs.video import Frame
 from gcs.video.history import FrameHistory
 from tracker.box import Box, TrackResult
@@ -173,3 +175,13 @@ class FakeStation:
         while True:
             self.show()
             await asyncio.sleep(1 / fps)
+
+
+class Quiet:
+    """A `Watcher` to build on: it looks at nothing."""
+
+    def saw(self, sighting: Sighting) -> None: ...
+
+    def ticked(self, tick: Tick) -> None: ...
+
+    def audited(self, t_s: float, audit: Audit) -> None: ...

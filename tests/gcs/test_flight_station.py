@@ -1,0 +1,119 @@
+"""A flight as operators' displays see it: orders by number and point, the map, the film; in simulated time."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import pytest
+
+from control.engagement import State
+from control.modes import FollowMode
+from gcs.candidates import Candidate
+from gcs.errors import SelectionError
+from gcs.flight_orders import RefusedError
+from gcs.flight_record import Film
+from gcs.flight_station import FlightStation
+from gcs.flight_view import Sighting
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import World
+from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, SelectCandidate, SetMode
+from gcs.scenarios.actors import straight
+from gcs.scenarios.catalogue import Scenario
+from gcs.scenarios.conditions import Conditions
+from gcs.scenarios.run import _eyes, _setup, _true_box
+from gcs.scenarios.stage import Stage
+from tests.gcs.fake_station import Quiet
+
+STANDING = Scenario("standing", "it stands", straight(((0.0, 0.0),)))
+
+
+class Watching(Quiet):
+    def __init__(self) -> None:
+        self.seen: list[Sighting] = []
+
+    def saw(self, sighting: Sighting) -> None:
+        self.seen.append(sighting)
+
+
+async def _story(loop: LockstepLoop) -> None:
+    stage = Stage(STANDING.build(1), 0.0, ())
+    conditions = Conditions()
+    world = World(loop, _setup(STANDING, conditions), stage, _eyes(STANDING, conditions, stage))
+    station = FlightStation(world.flight, "SIM")
+
+    async def fly() -> None:
+        await world.wire.wait_vehicle(1.0)
+        await world.flight.run()
+
+    tasks = [loop.create_task(world.run()), loop.create_task(fly())]
+    try:
+        await world.wire.wait_vehicle(1.0)
+        await asyncio.sleep(1.0)
+        await _look_and_select(world, station, stage)
+        await _follow_and_abort(world, station, stage)
+    finally:
+        world.flight.stop()
+        await tasks[1]
+        tasks[0].cancel()
+        await asyncio.wait(tasks)
+        station.close()
+
+
+async def _look_and_select(world: World, station: FlightStation, stage: Stage) -> None:
+    assert station.watermark == "SIM"
+    assert station.size == (640, 480)
+    assert station.hfov_rad == pytest.approx(world.flight.config.camera.hfov_deg * math.pi / 180, abs=0.02)
+    watching = Watching()
+    end = station.watch(watching)
+    with pytest.raises(SelectionError, match="no candidate 4"):
+        await station.perform(SelectCandidate(4))
+    station._orders._candidates = lambda: (Candidate(4, _true_box(world, stage)),)
+    assert (await station.perform(SelectCandidate(4))).startswith("selected")
+    await asyncio.sleep(0.5)
+    assert station.status().state is State.SELECTED
+    assert station.status().selection == 1
+    assert await station.perform(Deselect()) == "nothing is selected"
+    await asyncio.sleep(0.5)
+    assert station.status().state is State.IDLE
+    assert station.status().selection == 0
+    assert watching.seen
+    end()
+    count = len(watching.seen)
+    await asyncio.sleep(0.5)
+    assert len(watching.seen) == count
+
+
+async def _follow_and_abort(world: World, station: FlightStation, stage: Stage) -> None:
+    with pytest.raises(RefusedError, match="no film"):
+        await station.perform(Record())
+    world.flight.film = Film()
+    await station.perform(Record())
+    assert station.status().recording is False
+    await station.perform(Record(True))
+    assert station.status().recording is True
+    assert station.refusals()
+    await station.perform(SetMode(FollowMode.SPOTLIGHT))
+    await station.perform(Select(_true_box(world, stage), station.frames.newest))
+    await asyncio.sleep(1.0)
+    assert station.refusals() == ()
+    world.monitor.operator_confirms(asyncio.get_running_loop().time())
+    await station.perform(Confirm())
+    with pytest.raises(RefusedError, match="abort first"):
+        await station.perform(Deselect())
+    await asyncio.sleep(4.0)
+    status, scene = station.status(), station.scene()
+    assert (status.state, status.follow_mode, status.is_engaged) == (State.FOLLOWING, FollowMode.SPOTLIGHT, True)
+    assert scene.target_m == pytest.approx(stage.position_ned_m[:2], abs=3.0)
+    assert scene.vehicle_m is not None
+    assert scene.fence is not None
+    assert len(scene.vehicle_path_m) >= 4
+    assert len(scene.target_path_m) >= 3
+    await station.perform(Abort())
+    await asyncio.sleep(2.0)
+    assert not station.status().is_engaged
+
+
+def test_candidates_deselection_film_map_and_abort() -> None:
+    lockstep.run(_story)
