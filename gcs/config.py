@@ -16,9 +16,10 @@ from control.config import ControlConfig
 from control.latency import PRIOR_S
 from gcs.audit import KNOWN
 from gcs.backend import Backend
-from gcs.config_yaml import load_dataclass
+from gcs.config_yaml import Layered, load_layers
 from gcs.errors import ConfigError
 from gcs.operator.config import MavlinkCameraConfig, PageConfig, VideoOutConfig
+from gcs.profiles import profile_path
 
 Triple = tuple[float, float, float]
 
@@ -225,6 +226,12 @@ class Config:
         return replace(model, mount_rpy_rad=(0.0, 0.0, 0.0)) if self.gimbal.enabled else model
 
 
-def load(path: str | Path | None) -> Config:
-    """The configuration of a file, or the defaults for None. Raises ConfigError with file, line and key."""
-    return Config() if path is None else load_dataclass(Path(path), Config)
+def load(path: str | Path | None, profile: str | None = None) -> Config:
+    """The configuration of a file over a profile's over the defaults. Raises ConfigError with file, line and key."""
+    return load_with_origins(path, profile).value
+
+
+def load_with_origins(path: str | Path | None, profile: str | None = None) -> Layered[Config]:
+    """The same, and where each value that is no default was written."""
+    layers = [] if profile is None else [profile_path(profile)]
+    return load_layers([*layers, *([] if path is None else [Path(path)])], Config)

@@ -1,14 +1,18 @@
-"""YAML into frozen dataclasses, each error naming file, line and key. Knows nothing of what the keys mean."""
+"""YAML into frozen dataclasses, each error naming file, line and key. Knows nothing of what the keys mean.
+
+Several files may be laid over each other: a key of a later one wins, and where each value came from is kept.
+"""
 
 from __future__ import annotations
 
 import difflib
 import math
 import re
-from dataclasses import fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
 import msgspec
 import yaml
@@ -21,13 +25,39 @@ MAX_DEPTH = 16
 T = TypeVar("T")
 
 
-def load_dataclass(path: Path, kind: type[T]) -> T:
-    """The file as an instance of `kind`, a frozen dataclass all of whose fields have defaults.
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a value was written: file and line, from 1."""
+
+    path: Path
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Layered(Generic[T]):
+    """What the files came to; origins: of the values that are in one of them, by dotted key."""
+
+    value: T
+    origins: dict[str, Origin]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """One section of one file."""
+
+    path: Path
+    node: yaml.Node
+
+
+def load_layers(paths: Sequence[Path], kind: type[T]) -> Layered[T]:
+    """The files as one instance of `kind`, a frozen dataclass all of whose fields have defaults; the last one wins.
 
     Numbers are held to the field's metadata `low` and `high`. Raises ConfigError, one line.
     """
-    root = _compose(path, _read(path))
-    return _build(kind, root, path, "") if root is not None else kind()
+    roots = [(path, _compose(path, _read(path))) for path in paths]
+    origins: dict[str, Origin] = {}
+    value = _build(kind, [_Layer(path, root) for path, root in roots if root is not None], "", origins)
+    return Layered(value, origins)
 
 
 def _read(path: Path) -> str:
@@ -67,33 +97,47 @@ def _check_shape(path: Path, text: str) -> None:
             raise ConfigError(f"{path}:{line}: nested more than {MAX_DEPTH} deep")
 
 
-def _build(kind: type[T], node: yaml.Node, path: Path, prefix: str) -> T:
-    """One section; `prefix` is the dotted path of its key with a dot at the end."""
-    if not isinstance(node, yaml.MappingNode):
-        if isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null":
-            return kind()  # a section all of whose keys are commented out
-        raise _error(path, node, prefix[:-1] or "the file", "must be a list of `key: value` lines")
+def _build(kind: type[T], layers: Sequence[_Layer], prefix: str, origins: dict[str, Origin]) -> T:
+    """One section; `prefix` is the dotted path of its key with a dot at the end. Fills `origins`."""
     hints = get_type_hints(kind)
     metadata = {f.name: f.metadata for f in fields(kind)}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
-    lines: dict[str, yaml.Node] = {}
-    for key_node, value_node in node.value:
-        key = str(key_node.value)
-        name = prefix + key
-        if key not in metadata:
-            raise _error(path, key_node, name, "unknown key" + _suggestion(key, metadata))
-        if key in values:
-            raise _error(path, key_node, name, "given twice")
-        lines[key] = key_node
-        if is_dataclass(hints[key]):
-            values[key] = _build(hints[key], value_node, path, name + ".")
-        else:
-            values[key] = _leaf(hints[key], value_node, path, name, metadata[key])
+    sections: dict[str, list[_Layer]] = {}
+    places: dict[str, _Layer] = {}  # where each key was written last
+    for layer in layers:
+        for key, key_node, value_node in _items(layer, metadata, prefix):
+            places[key] = _Layer(layer.path, key_node)
+            if is_dataclass(hints[key]):
+                sections.setdefault(key, []).append(_Layer(layer.path, value_node))
+            else:
+                values[key] = _leaf(hints[key], value_node, layer.path, prefix + key, metadata[key])
+                origins[prefix + key] = Origin(layer.path, key_node.start_mark.line + 1)
+    for key, parts in sections.items():
+        values[key] = _build(hints[key], parts, f"{prefix}{key}.", origins)
     try:
         return kind(**values)
     except ValueError as error:
-        at = next((k for k in lines if re.search(rf"\b{re.escape(k)}\b", str(error))), None)
-        raise _error(path, lines[at] if at else node, prefix[:-1] or "the file", str(error)) from error
+        at = next((k for k in places if re.search(rf"\b{re.escape(k)}\b", str(error))), None)
+        place = places[at] if at else layers[-1]  # without a key there is no error: defaults are valid
+        raise _error(place.path, place.node, prefix[:-1] or "the file", str(error)) from error
+
+
+def _items(layer: _Layer, known: dict[str, Any], prefix: str) -> list[tuple[str, yaml.Node, yaml.Node]]:
+    """(key, its node, its value's node) of a section; each key known, and given once."""
+    path, node = layer.path, layer.node
+    if not isinstance(node, yaml.MappingNode):
+        if isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null":
+            return []  # a section all of whose keys are commented out
+        raise _error(path, node, prefix[:-1] or "the file", "must be a list of `key: value` lines")
+    items: dict[str, tuple[str, yaml.Node, yaml.Node]] = {}
+    for key_node, value_node in node.value:
+        key = str(key_node.value)
+        if key not in known:
+            raise _error(path, key_node, prefix + key, "unknown key" + _suggestion(key, known))
+        if key in items:
+            raise _error(path, key_node, prefix + key, "given twice")
+        items[key] = (key, key_node, value_node)
+    return list(items.values())
 
 
 def _leaf(hint: Any, node: yaml.Node, path: Path, name: str, metadata: Any) -> Any:
