@@ -89,7 +89,7 @@ def test_an_unknown_battery_does_not_refuse():
     assert refusals(healthy(1.0, battery_frac=None), 1.0, CONFIG) == ()
 
 
-@pytest.mark.parametrize("mode", set(VehicleMode) - {VehicleMode.HOLD, VehicleMode.EXTERNAL})
+@pytest.mark.parametrize("mode", [mode for mode in VehicleMode if mode not in (VehicleMode.HOLD, VehicleMode.EXTERNAL)])
 def test_only_hold_or_external_may_be_confirmed(mode):
     assert refusals(healthy(1.0, mode), 1.0, CONFIG) == (Cause.MODE,)
 
