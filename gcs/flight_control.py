@@ -173,8 +173,8 @@ class FollowControl:
                 self._echo.sent(now_s, setpoint.velocity_ned_mps)
         self._previous = setpoint
         gimbal = self._point(output, target, vehicle, now_s)
-        motion = self._follow.motion
-        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget, motion)
+        motion, held = self._follow.motion, self.confirmation if self._engaged else None
+        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget, motion, held)
 
     def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
         """What this tick tells about ourselves and the link."""

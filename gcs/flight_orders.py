@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, assert_never
+from typing import TYPE_CHECKING, Final, assert_never
 
 from control.adjust import change_mode, change_standoff
 from control.causes import Cause
@@ -15,7 +15,6 @@ from control.motion import distance_m
 from control.types import VehicleMode
 from gcs.candidates import Candidate, box_at
 from gcs.errors import GcsError, SelectionError
-from gcs.flight import Flight
 from gcs.flight_control import Act, Tick
 from gcs.operator.orders import (
     Abort,
@@ -39,6 +38,9 @@ from gcs.operator.orders import (
     TakeOff,
 )
 from gcs.selection import check_box
+
+if TYPE_CHECKING:  # a dry run takes orders too, and imports no link
+    from gcs.flight import Flight
 
 _SELECT_S: Final = 5.0
 _RELEASE_S: Final = 5.0

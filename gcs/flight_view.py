@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from control.attitude import AttitudeBuffer
 from control.camera import CameraModel, box_of
@@ -18,12 +18,14 @@ from control.motion import distance_m
 from control.types import BearingMeasurement, TargetState, VehicleState
 from gcs import hud
 from gcs.audit import Audit
-from gcs.flight_control import Tick
 from gcs.flight_vision import Seen
 from gcs.latency_budget import Budget
-from gcs.telemetry import LINK_LOST_S, Telemetry
-from gcs.wire import Wire
+from gcs.tick import Tick
 from tracker.box import Box
+
+if TYPE_CHECKING:  # a dry run has no link, and imports none
+    from gcs.telemetry import Telemetry
+    from gcs.wire import Wire
 
 _TONES: Mapping[State, hud.Tone] = MappingProxyType(
     {
@@ -170,6 +172,8 @@ def link_summary(wire: Wire, now_s: float) -> str:
 
 def link_warnings(wire: Wire, telemetry: Telemetry, now_s: float) -> tuple[str, ...]:
     """What is not heard of the vehicle, and what is heard of others, though flying may still do."""
+    from gcs.telemetry import LINK_LOST_S
+
     heard_s = telemetry.vehicle_state().heartbeat_t_s
     if heard_s is None or now_s - heard_s > LINK_LOST_S:
         return ("nothing is heard of the vehicle",)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from gcs.telemetry import SetpointEcho, Telemetry
-from gcs.wire import Wire
+if TYPE_CHECKING:  # a dry run has no link, and imports none
+    from gcs.telemetry import SetpointEcho, Telemetry
+    from gcs.wire import Wire
 
 _MUCH_LOSS_FRAC: Final = 0.2
 _FOREIGN_S: Final = 5.0

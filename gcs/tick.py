@@ -8,7 +8,7 @@ from enum import Enum
 from control.engagement import Inputs, Output
 from control.gate import Setpoint
 from control.gimbal import GimbalRequest, GimbalState
-from control.modes import FollowMode
+from control.modes import Confirmation, FollowMode
 from control.motion import TargetMotion
 from control.types import Reason, TargetState, VelocityRequest
 from gcs.latency_budget import Budget
@@ -47,3 +47,4 @@ class Tick:
     gimbal: GimbalRequest | None = None  # None: there is none, or nobody is followed
     budget: Budget | None = None  # of the newest picture, in the first tick that knows of it
     motion: TargetMotion | None = None  # of the target, as the follow law believes it
+    held: Confirmation | None = None  # what is being held; None: nobody is followed
