@@ -7,7 +7,7 @@ import asyncio
 import getpass
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gcs.keys import SigningKey, default_path, read_key, write_key
 
@@ -18,32 +18,6 @@ A key made with --passphrase can also be set with MAVProxy (signing setup PASSPH
 Then fly with it:
   gcs run --signing-key {path}
 """
-
-
-def add_parser(commands: Any, common: argparse.ArgumentParser) -> None:
-    """The command and its arguments."""
-    text = "keys for MAVLink signing, so that only you fly the vehicle"
-    actions = commands.add_parser("keys", help=text, description=text, parents=[common]).add_subparsers(
-        metavar="ACTION", required=True, parser_class=type(common)
-    )
-    p = actions.add_parser("new", help="make a key; never overwrites one", parents=[common])
-    p.set_defaults(handler="gcs.cli_keys:new")
-    text = "read a passphrase instead; QGroundControl and MAVProxy make the same key of it"
-    p.add_argument("--passphrase", action="store_true", help=text)
-    _add_file(p)
-    p = actions.add_parser("show-fingerprint", help="which key a file holds, without showing it", parents=[common])
-    p.set_defaults(handler="gcs.cli_keys:show_fingerprint")
-    _add_file(p)
-    text = "put the key on a vehicle by SETUP_SIGNING, in the clear: over a cable"
-    p = actions.add_parser("send", help=text, description=text, parents=[common])
-    p.set_defaults(handler="gcs.cli_keys:send")
-    p.add_argument("--vehicle", metavar="URL", required=True, help="as for `gcs run`")
-    p.add_argument("--timeout", type=float, default=15.0, metavar="S", help="how long to wait for it (default: 15)")
-    _add_file(p)
-
-
-def _add_file(p: argparse.ArgumentParser) -> None:
-    p.add_argument("path", nargs="?", metavar="FILE", help="default: ~/.config/climrt-gcs/signing.key")
 
 
 def new(args: argparse.Namespace) -> int:

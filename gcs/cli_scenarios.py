@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.errors import ConfigError
 
@@ -19,26 +19,6 @@ if TYPE_CHECKING:
     from gcs.scenarios.table import Line
 
 _MOST = 100_000
-
-
-def add_parser(commands: Any, common: argparse.ArgumentParser) -> None:
-    """Its arguments."""
-    text = "closed-loop scenarios in simulated time: a table, compared with the committed figures"
-    p = commands.add_parser("scenarios", help=text, description=text, parents=[common])
-    p.set_defaults(handler="gcs.cli_scenarios:main")
-    p.add_argument("--all", action="store_true", help="the whole table with three seeds; default: a quick part of it")
-    p.add_argument(
-        "--only", metavar="NAME", action="append", default=[], help="this scenario; with --all all its rows; repeat"
-    )
-    p.add_argument("--tracker", choices=("model", "real"), default="model", help="real: on painted pictures, slower")
-    p.add_argument("--seeds", type=int, metavar="N", help="flights of each row (default: 1, with --all 3)")
-    p.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
-    p.add_argument("--random", type=int, metavar="N", help="N flights drawn by lot instead of the table")
-    p.add_argument("--occlusions", type=int, metavar="N", help="N flights with the target hidden for 2 s instead")
-    p.add_argument("--first-seed", type=int, default=1, metavar="N", help="of --random and --occlusions")
-    p.add_argument("--out", metavar="DIR", help="table and pictures go there")
-    p.add_argument("--json", action="store_true", help="one JSON object per row")
-    p.add_argument("--update-reference", action="store_true", help="what is flown now becomes the reference")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""What a command line says of the vehicle, over what the configuration says: for `gcs run` and `gcs audit`."""
+"""What a command line says of the vehicle, over what the configuration says."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from gcs.audit import known_name
-from gcs.backend import Backend
 from gcs.errors import GcsError
 
 if TYPE_CHECKING:  # `gcs --help` needs no configuration
@@ -16,10 +14,17 @@ if TYPE_CHECKING:  # `gcs --help` needs no configuration
 
 
 def add_vehicle(parser: argparse.ArgumentParser) -> None:
-    """The arguments."""
+    """The arguments: which configuration, and which vehicle."""
+    parser.add_argument("--config", metavar="FILE", help="configuration (YAML); `gcs config` prints one")
+    text = "a ready-made configuration below that of the file (see `gcs config --profiles`)"
+    parser.add_argument("--profile", metavar="NAME", help=text)
+    add_link(parser)
+
+
+def add_link(parser: argparse._ActionsContainer) -> None:
+    """The arguments that change `vehicle` of the configuration."""
     add = parser.add_argument
     add("--vehicle", metavar="URL", help="udpin://HOST:PORT, udpout://, tcpout:// or serial:///dev/X:BAUD")
-    add("--config", metavar="FILE", help="configuration (YAML); `gcs config` prints one with every key")
     add("--timeout", type=float, metavar="S", help="how long to wait for the vehicle")
     add("--signing-key", metavar="FILE", help="sign the link, and believe nothing unsigned (see `gcs keys`)")
     text = "how a follow reaches the vehicle: by setpoints, or by its own follow mode (default: setpoints)"
@@ -30,6 +35,9 @@ def add_vehicle(parser: argparse.ArgumentParser) -> None:
 
 def with_arguments(vehicle: VehicleConfig, args: argparse.Namespace) -> VehicleConfig:
     """The configuration with what was given; GcsError for a time-out or a name that cannot be."""
+    from gcs.audit import known_name
+    from gcs.backend import Backend
+
     timeout_s = vehicle.timeout_s if args.timeout is None else args.timeout
     if not (math.isfinite(timeout_s) and timeout_s > 0):
         raise GcsError(f"--timeout {timeout_s:g}: must be more than 0")

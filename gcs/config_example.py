@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any, get_args, get_type_hints
+
+import yaml
 
 from gcs.config import Config
 
@@ -17,9 +20,9 @@ HEAD = """\
 """
 
 
-def render() -> str:
-    """The whole example as YAML text; loading it gives `Config()`."""
-    return HEAD + "".join(_section(Config(), 0))
+def render(config: Config | None = None) -> str:
+    """A configuration, the defaults if not said, as YAML text with every key; loading it gives the same again."""
+    return HEAD + "".join(_section(config or Config(), 0))
 
 
 def _section(values: Any, depth: int) -> list[str]:
@@ -49,6 +52,8 @@ def _scalar(value: Any) -> str:
             return str(value.value)
         case tuple():
             return "[" + ", ".join(_scalar(item) for item in value) + "]"
+        case str():
+            return value if yaml.safe_load(value) == value else json.dumps(value)
         case _:
             return repr(value) if isinstance(value, float) else str(value)
 
