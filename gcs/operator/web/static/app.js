@@ -1,0 +1,284 @@
+// The operator's page: what comes in is shown, what is done is asked for. Nothing is kept over a lost connection.
+
+import { Abort } from "./abort.js";
+import { ring, wake } from "./bell.js";
+import { drawer } from "./drawer.js";
+import { Following } from "./following.js";
+import { keys } from "./keys.js";
+import { Link } from "./link.js";
+import { SceneMap } from "./map.js";
+import { Nudge } from "./nudge.js";
+import { Overlay } from "./overlay.js";
+import { banner, by, notice, say, showAges, showControl, showStatus } from "./panels.js";
+import { Pictures } from "./pictures.js";
+import { pointing } from "./pointing.js";
+import { Targets } from "./targets.js";
+import { webrtc } from "./live.js";
+
+const STALE_MS = 1500; // unheard for so long: what is shown is old
+const FORCE_MS = 3000;
+const STEP_M = 2;
+const MODES = ["spotlight", "follow", "parallel", "orbit"];
+const WORSE = { calm: 0, good: 0, caution: 1, alarm: 2 };
+
+const page = {
+  welcome: null,
+  starting: "",
+  status: null,
+  statusAt: 0,
+  shown: null, // {seq, image, width, height, frame}: the picture on the screen with what belongs to it
+  drawn: null, // the box being drawn
+  forceUntil: 0,
+};
+
+const overlay = new Overlay(by("picture"));
+const map = new SceneMap(by("map"));
+const size = () => (page.welcome ? { width: page.welcome.size[0], height: page.welcome.size[1] } : page.shown ?? { width: 16, height: 9 });
+const shownSeq = () => page.shown?.seq ?? null;
+
+const pictures = new Pictures(show, (seq) => link.tell({ do: "seen", frame: seq }));
+const link = new Link({ heard, pictured: (picture) => pictures.arrived(picture), changed });
+const abort = new Abort(link, showAbort);
+const nudge = new Nudge(() => page.shown ?? {}, size, (box, seq) => order({ do: "select", box, frame: seq }));
+const targets = new Targets({ link, order, size, shown: () => page.shown, redraw });
+const following = new Following({ link, order, page: () => page });
+const live = webrtc({ link, isOffered: () => page.welcome?.webrtc === true, shown: liveShown });
+
+/** Ask, and say what was answered. */
+async function order(message, isQuiet = false) {
+  const answer = await link.ask(message);
+  if (!answer.ok || !isQuiet) say(answer.text, answer.ok ? "" : "alarm");
+  return answer;
+}
+
+// -- what comes in ------------------------------------------------------------------------------------------
+
+function heard(message) {
+  switch (message.type) {
+    case "starting": return starting(message);
+    case "welcome": return welcomed(message);
+    case "frame": return pictures.heard(message);
+    case "status": return statusCame(message);
+    case "map": return map.show(message);
+    case "candidates": return targets.heard(message.boxes);
+    case "say": return say(message.text);
+  }
+}
+
+function starting({ text: line }) {
+  forget();
+  Object.assign(page, { welcome: null, status: null, starting: line });
+  document.body.dataset.station = "no";
+  banner("calm", "STARTING", "");
+  following.update();
+  refresh();
+}
+
+function welcomed(message) {
+  forget();
+  Object.assign(page, { welcome: message, starting: "" });
+  document.body.dataset.station = "yes";
+  document.title = message.watermark ? `${message.watermark} · Operator` : "Operator";
+  by("watermark").textContent = message.watermark ?? "";
+  by("frame").hidden = !message.watermark;
+  by("stage").style.setProperty("--ratio", String(message.size[0] / message.size[1]));
+  by("webrtc").hidden = !message.webrtc;
+  targets.welcomed();
+  refresh();
+}
+
+/** What was on the screen belongs to a connection or a station that is gone. */
+function forget() {
+  following.void("the connection began anew");
+  nudge.clear();
+  pictures.forget();
+  live.stop();
+  point.cancel();
+}
+
+function statusCame(status) {
+  const before = page.status;
+  Object.assign(page, { status, statusAt: performance.now() });
+  showStatus(status);
+  const state = status.engaging ? "ENGAGING" : status.state.toUpperCase();
+  banner(status.tone, state, status.reasons.join("; "));
+  if (before && WORSE[status.tone] > WORSE[before.tone]) ring(WORSE[status.tone] + 1, 880);
+  if (status.in_control || !status.controller) page.forceUntil = 0;
+  if (before?.selection !== status.selection) nudge.by = null;
+  following.update();
+  refresh();
+}
+
+function changed(isOpen) {
+  following.void("the connection was lost");
+  targets.stop();
+  if (!isOpen) {
+    live.stop();
+    nudge.clear();
+  }
+  refresh();
+}
+
+function show(picture) {
+  const old = page.shown?.image;
+  page.shown = picture;
+  if (old instanceof ImageBitmap) old.close();
+  redraw();
+}
+
+function liveShown(seq, video) {
+  show({ seq, image: video, width: video.videoWidth, height: video.videoHeight, frame: pictures.frameOf(seq) });
+}
+
+// -- what is shown ------------------------------------------------------------------------------------------
+
+let isDrawing = false;
+
+function redraw() {
+  if (isDrawing) return;
+  isDrawing = true;
+  requestAnimationFrame(() => {
+    isDrawing = false;
+    const { shown, status, drawn } = page;
+    overlay.draw({ image: shown?.image, size: size(), frame: shown?.frame, tone: status?.tone, candidates: targets.boxes, drawn, nudged: nudge.box });
+    by("picture").dataset.frame = String(shown?.seq ?? "");
+    placeFrame();
+  });
+}
+
+function placeFrame() {
+  const { left, top, width, height } = overlay.place;
+  const key = [left, top, width, height].map((px) => `${px}px`);
+  const { style } = by("frame");
+  [style.left, style.top, style.width, style.height] = key;
+}
+
+/** A few times a second, and whenever something changes: ages go on counting when nothing comes. */
+function refresh() {
+  const { welcome, status } = page;
+  const isLost = !link.isOpen || link.silentMs > STALE_MS;
+  document.body.dataset.link = isLost ? "lost" : "up";
+  if (isLost) following.void("the connection was lost");
+  if (status) {
+    showAges(status.ages_s, performance.now() - page.statusAt);
+    showControl(status, performance.now() < page.forceUntil);
+  }
+  const age_s = (link.silentMs / 1000).toFixed(1);
+  if (link.refused && isLost) notice("NO LONGER LET IN", "The station was started anew: open the link that it printed.");
+  else if (isLost && welcome) {
+    banner("alarm", "CONNECTION LOST", `${age_s} s · last: ${status?.headline ?? "nothing"}`);
+    notice("CONNECTION LOST", `What you see is ${age_s} s old. ABORT is still tried.`, true);
+  } else if (isLost) notice("Connecting", "to the station", true);
+  else if (!welcome) notice("Starting", page.starting, true);
+  else if (!page.shown) notice("No picture yet", "", true);
+  else notice(null);
+  following.show(isLost);
+}
+
+function showAbort(phase, line) {
+  by("abort").dataset.phase = phase;
+  by("abort-hint").textContent = line || "Space or Esc";
+  if (phase === "failed") say(`abort: ${line}`, "alarm");
+}
+
+// -- what is done -------------------------------------------------------------------------------------------
+
+const point = pointing(by("picture"), overlay, {
+  size,
+  shownSeq,
+  drawing: (box) => {
+    page.drawn = box;
+    redraw();
+  },
+  box: (box, seq) => order({ do: "select", box: box.map(round), frame: seq }),
+  point: (x, y, seq) => {
+    const number = targets.at(x, y);
+    if (number === null) order({ do: "point", x: round(x), y: round(y), frame: seq });
+    else targets.pick(number);
+  },
+  tooSmall: () => say("the box is too small: 10 pixels of the picture at least"),
+});
+
+const round = (value) => Math.round(value * 10) / 10;
+
+async function take() {
+  const { status } = page;
+  if (!status) return;
+  if (status.in_control) return void order({ do: "release" });
+  const isForced = performance.now() < page.forceUntil;
+  page.forceUntil = 0;
+  if (!isForced && status.controller) page.forceUntil = performance.now() + FORCE_MS;
+  else await order({ do: "take", force: isForced });
+  refresh();
+}
+
+function step(by_m) {
+  const { status } = page;
+  if (!status) return;
+  const isFollowing = status.engaging || ["following", "coasting", "lost, holding"].includes(status.state);
+  if (isFollowing) return void order({ do: "step", m: by_m });
+  const from_m = status.standoff_m ?? wantedStandoff_m ?? status.distance_m;
+  if (from_m === null) return say("the distance is not known: set a standoff under Flight");
+  wantedStandoff_m = Math.max(STEP_M, Math.round(from_m + by_m));
+  order({ do: "standoff", m: wantedStandoff_m });
+}
+
+let wantedStandoff_m = null; // for the next confirmation; the station's status tells only the one that is held
+
+const acts = {
+  abort: () => {
+    following.void("aborted");
+    drawing.void("aborted");
+    point.cancel();
+    nudge.clear();
+    abort.press();
+    drawing.close();
+  },
+  held: (isDown) => (isDown ? following.press() : following.leave()),
+  track: () => targets.track(),
+  candidates: () => targets.toggle(),
+  pick: (number) => targets.pick(number),
+  drop: () => order({ do: "deselect" }),
+  mode: () => order({ do: "mode", mode: MODES[(MODES.indexOf(page.status?.mode) + 1) % MODES.length] }),
+  record: () => order({ do: "record", on: null }),
+  ack: () => by("ack").hidden || order({ do: "ack" }),
+  closer: () => step(-STEP_M),
+  farther: () => step(STEP_M),
+  drawer: () => drawing.toggle("drawer"),
+  help: () => drawing.toggle("help"),
+  webrtc: () => live.toggle(),
+  nudge: (dx, dy, grow) => {
+    nudge.add(dx, dy, grow);
+    redraw();
+  },
+};
+
+const drawing = drawer({ order });
+keys(acts);
+by("abort").addEventListener("pointerdown", (event) => event.button === 0 && acts.abort()); // at once, not when let go
+by("abort").addEventListener("click", (event) => event.detail === 0 && acts.abort()); // Enter, or a screen reader
+const buttons = { take, track: acts.track, boxes: acts.candidates, drop: acts.drop, record: acts.record, mode: acts.mode, ack: acts.ack, closer: acts.closer, farther: acts.farther, orders: acts.drawer, keys: acts.help, webrtc: acts.webrtc };
+for (const [id, act] of Object.entries(buttons)) {
+  by(id).addEventListener("click", () => {
+    by(id).blur(); // keys are for the page
+    act();
+  });
+}
+const giveUp = () => {
+  following.void("the window was left");
+  drawing.void("the window was left");
+};
+addEventListener("blur", giveUp);
+document.addEventListener("visibilitychange", () => document.hidden && giveUp());
+addEventListener("pointerdown", wake, { once: true });
+addEventListener("keydown", wake, { once: true });
+new ResizeObserver(() => {
+  redraw();
+  map.draw();
+}).observe(by("stage"));
+document.addEventListener("contextmenu", (event) => event.target.matches("input") || event.preventDefault());
+setInterval(refresh, 200);
+setInterval(() => page.status?.in_control && link.tell({ do: "ping" }), 1000);
+navigator.wakeLock?.request("screen").catch(() => {}); // only where the page is served securely
+notice("Connecting", "to the station", true);
+link.start();
