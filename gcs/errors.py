@@ -29,6 +29,10 @@ class WireError(GcsError):
     """The link to the vehicle: a bad address, a port in use, a device that is not there."""
 
 
+class PageError(GcsError):
+    """The operator's page cannot be served: its address is in use, or not one of this machine."""
+
+
 class VehicleError(GcsError):
     """The vehicle did not answer in time, or refused what it was asked (with its own reason)."""
 

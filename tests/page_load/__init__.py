@@ -1,0 +1,1 @@
+"""What the operator's page costs: served with a station that is not there, looked at by many."""
