@@ -18,6 +18,7 @@ from control.image_rotation import Flow
 from gcs.clock import Clock
 from gcs.tracking import BoxTracker
 from gcs.video import Frame, VideoSource
+from gcs.video.catch_up import CATCH_UP_S, next_frame
 from gcs.video.flow import BackgroundFlow
 from gcs.video.frame import Image
 from gcs.video.history import FrameHistory
@@ -26,6 +27,7 @@ from tracker.box import Box, TrackResult
 _READ_S = 0.2
 _CLOSE_S = 5.0
 _FROZEN_FRAMES, _FROZEN_S = 10, 0.5
+_SMOOTH = 0.2
 log = logging.getLogger(__name__)
 
 # Where a hidden target should be in the frame captured at this time (s), shaped like this box; None = unknown.
@@ -104,6 +106,8 @@ class Vision:
         self._expect = expect
         self._hidden_like: Box | None = None  # the last box, while the target is hidden
         self._still = StillPicture()
+        self._frozen = False
+        self._update_s = 0.0  # what the tracker takes for a frame, 0 = not known yet
         self.frames = FrameHistory()
         self._lock = threading.Lock()
         self._asked: _Selection | None = None
@@ -113,22 +117,28 @@ class Vision:
         self._thread = threading.Thread(target=self._run, name="vision", daemon=True)
 
     def select(self, box: Box | None, frame: Frame | None = None) -> int:
-        """Track the box from its frame (None: the next one) on; box None forgets. Returns its number."""
+        """Track the box from its frame (None: the next one) on; box None forgets. Returns its number.
+
+        From an older frame the target is first followed through the frames kept since, for at most `CATCH_UP_S`.
+        """
         with self._lock:
             self._selections += 1
             self._asked = _Selection(self._selections, box, frame)
             return self._selections
 
     def step(self, frame: Frame) -> Seen:
-        """Track in one frame; what `run` does for each. Only one thread may call it."""
-        t_start_s = self._clock.now_s()
-        frame = replace(frame, t_capture_s=frame.t_capture_s - self._correction_s())
-        self.frames.add(frame)
-        frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
+        """Track in one frame, what `run` does for each: this one, or a newer that came while it caught up.
+
+        Only one thread may call it.
+        """
+        frame = self._arrived(frame)
         with self._lock:
             asked, self._asked = self._asked, None
         try:
-            result = self._track(frame, asked)
+            if asked is not None:
+                frame = self._begin(asked, frame)
+            t_start_s = self._clock.now_s()
+            result = self._track(frame)
         except ValueError as error:  # a box or picture that cannot be tracked
             return self._failed(frame, asked, str(error))
         except Exception as error:  # the edge of the tracker's thread: out of memory, a fault of torch
@@ -136,10 +146,17 @@ class Vision:
             return self._failed(frame, asked, f"the tracker failed: {type(error).__name__}")
         flow = None if self._still.repeats else self.flow(frame, result.box if result is not None else None)
         now_s = self._clock.now_s()
-        if frozen:
+        if self._frozen:
             return Seen(frame, self._tracking, None, now_s, now_s - t_start_s, True, "the picture stands still")
         repeats, took_s = self._still.repeats, now_s - t_start_s
         return Seen(frame, self._tracking, result, now_s, took_s, repeated=repeats, flow=flow)
+
+    def _arrived(self, frame: Frame) -> Frame:
+        """Keep it, with the capture time as we know it."""
+        frame = replace(frame, t_capture_s=frame.t_capture_s - self._correction_s())
+        self.frames.add(frame)
+        self._frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
+        return frame
 
     def flow(self, frame: Frame, target: Box | None) -> Flow | None:
         """How the background has moved since the frame before; target: where the target is now, or was last seen."""
@@ -148,23 +165,55 @@ class Vision:
         except cv2.error:  # no reason to see nothing
             return None
 
-    def _track(self, frame: Frame, asked: _Selection | None) -> TrackResult | None:
-        if asked is not None:
-            self._tracking = 0
-            if asked.box is None:
-                return None
-            first = asked.frame or frame
-            self._tracker.init(first.image_bgr, asked.box)
-            self._tracking = asked.number
-            self._hidden_like = None
+    def _begin(self, asked: _Selection, frame: Frame) -> Frame:
+        """Take or drop a target; the frame to track it in."""
+        self._tracking, self._hidden_like = 0, None
+        if asked.box is None:
+            return frame
+        first = asked.frame or frame
+        self._tracker.init(first.image_bgr, asked.box)
+        frame = self._catch_up(first, frame)
+        self._tracking = asked.number
+        return frame
+
+    def _catch_up(self, first: Frame, frame: Frame) -> Frame:
+        """Follow the target through what was seen since `first`, up to the newest frame, which is left to do.
+
+        The boxes on the way are told to nobody: nobody can confirm that soon, and the filter starts with the newest.
+        Neither is the filter asked where to look, for it still knows the target before. Frames that come meanwhile
+        are delivered without a result, so that what shows them does not stand still.
+        """
+        end_s = self._clock.now_s() + CATCH_UP_S
+        last = first
+        while True:
+            newer = self._source.read(0.0) if self._source.is_live else None
+            if newer is not None:
+                self._deliver(Seen(frame, 0, None, self._clock.now_s(), frozen=self._frozen))
+                frame = self._arrived(newer)
+            left_s = end_s - self._clock.now_s()
+            step = next_frame(self.frames.since(last.seq), last.t_arrival_s, self._update_s, left_s)
+            if step is None or step.seq >= frame.seq:
+                return frame
+            self._update(step)
+            last = step
+
+    def _track(self, frame: Frame) -> TrackResult | None:
         if not self._tracking:
             return None
         if self._hidden_like is not None and self._expect is not None:
             expected = self._expect(frame.t_capture_s, self._hidden_like)
             if expected is not None:
                 self._tracker.look_at(expected.cx_px, expected.cy_px)
-        result = self._tracker.update(frame.image_bgr)
+        result = self._update(frame)
         self._hidden_like = None if result.visible else result.box
+        return result
+
+    def _update(self, frame: Frame) -> TrackResult:
+        """The tracker's, and how long it takes."""
+        start_s = self._clock.now_s()
+        result = self._tracker.update(frame.image_bgr)
+        took_s = self._clock.now_s() - start_s
+        self._update_s = took_s if self._update_s == 0.0 else self._update_s + _SMOOTH * (took_s - self._update_s)
         return result
 
     def _failed(self, frame: Frame, asked: _Selection | None, problem: str) -> Seen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from typing import Final
@@ -9,11 +10,15 @@ from typing import Final
 from gcs.video.frame import Frame
 
 KEPT_S: Final = 2.0
-KEPT_BYTES: Final = 128 * 1024 * 1024
+KEPT_BYTES: Final = 256 * 1024 * 1024
 
 
 class FrameHistory:
-    """Frames in the order of their seq, by arrival time; added on one thread, asked for on any."""
+    """Frames in the order of their seq, by arrival time; added on one thread, asked for on any.
+
+    It always reaches back `kept_s`: where all pictures of that time would be more than `kept_bytes` (1080p at 30 Hz
+    is 370 MB), the time is cut into as many slots as pictures fit, and each slot keeps its last picture.
+    """
 
     def __init__(self, kept_s: float = KEPT_S, kept_bytes: int = KEPT_BYTES) -> None:
         self._kept_s, self._kept_bytes = kept_s, kept_bytes
@@ -21,17 +26,24 @@ class FrameHistory:
         self._lock = threading.Lock()
 
     def add(self, frame: Frame) -> None:
-        """The newest picture; what is too old, or too much, goes."""
+        """The newest picture; what is too old goes, and of what is too much every second, third and so on."""
+        fit = max(2, self._kept_bytes // max(1, frame.image_bgr.nbytes))
+        slot_s = self._kept_s / max(1, fit - 2)  # the slots at both ends are begun, not full
         with self._lock:
-            self._frames.append(frame)
-            most = max(2, self._kept_bytes // max(1, frame.image_bgr.nbytes))
-            while len(self._frames) > most or frame.t_arrival_s - self._frames[0].t_arrival_s > self._kept_s:
-                self._frames.popleft()
+            frames = self._frames
+            if len(frames) >= 2 and _slot(frames[-1], slot_s) == _slot(frames[-2], slot_s):
+                del frames[-2]
+            frames.append(frame)
+            while len(frames) > fit or frame.t_arrival_s - frames[0].t_arrival_s > self._kept_s:
+                frames.popleft()
 
     def by_seq(self, seq: int) -> Frame | None:
-        """The frame of this number; None where it is gone or never was."""
+        """The frame of this number, or the kept one nearest to it; None where it is gone or never was."""
         with self._lock:
-            return next((frame for frame in self._frames if frame.seq == seq), None)
+            frames = self._frames
+            if not frames or not frames[0].seq <= seq <= frames[-1].seq:
+                return None
+            return min(reversed(frames), key=lambda frame: abs(frame.seq - seq))
 
     def at(self, t_arrival_s: float) -> Frame | None:
         """The newest frame that was here then, or the oldest kept; None before the first."""
@@ -40,7 +52,7 @@ class FrameHistory:
             return found or (self._frames[0] if self._frames else None)
 
     def since(self, seq: int) -> list[Frame]:
-        """Everything after this number, oldest first."""
+        """Everything kept after this number, oldest first."""
         with self._lock:
             return [frame for frame in self._frames if frame.seq > seq]
 
@@ -49,3 +61,7 @@ class FrameHistory:
         """None before the first."""
         with self._lock:
             return self._frames[-1] if self._frames else None
+
+
+def _slot(frame: Frame, slot_s: float) -> int:
+    return math.floor(frame.t_arrival_s / slot_s)
