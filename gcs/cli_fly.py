@@ -28,7 +28,7 @@ def _add_run(commands: Commands) -> None:
         examples=(
             "gcs run --video rtsp://192.168.1.10/main --config my.yaml",
             "gcs run --profile sim                  # with `gcs sim` in another terminal",
-            "gcs run --profile px4-sitl --video udp://127.0.0.1:5600",
+            "gcs run --profile px4-sitl --video px4-sitl.sdp",
             "gcs run --headless --config my.yaml    # on a machine without a browser",
         ),
     )  # fmt: skip
@@ -84,6 +84,8 @@ def _add_sim(commands: Commands) -> None:
     p.add_argument("--personality", choices=_PERSONALITIES, default="px4", help="which autopilot (default: px4)")
     p.add_argument("--gimbal", action="store_true", help="the camera is on a gimbal")
     p.add_argument("--in-air", action="store_true", help="begin armed and hovering, instead of on the ground")
+    text = "how long the target stands once the vehicle hovers (default: 15; --in-air: 45)"
+    p.add_argument("--wait", type=float, metavar="S", help=text)
     p.add_argument("--factory", action="store_true", help="with the factory's parameters: an audit refuses them")
     text = "where the station listens (default: 127.0.0.1:14540)"
     p.add_argument("--mavlink", metavar="HOST:PORT", default="127.0.0.1:14540", help=text)

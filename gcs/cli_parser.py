@@ -18,6 +18,11 @@ class _Formatter(argparse.HelpFormatter):
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return text if text.startswith(_EXAMPLES) else super()._fill_text(text, width, indent)
 
+    def _format_action(self, action: argparse.Action) -> str:
+        if not isinstance(action, argparse._SubParsersAction):
+            return super()._format_action(action)
+        return "".join(f"  {choice.dest:18s}{choice.help}\n" for choice in action._choices_actions)
+
 
 class Parser(argparse.ArgumentParser):
     """Misuse is one line, not a page."""
