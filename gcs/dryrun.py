@@ -102,7 +102,7 @@ def run(
         first = source.read(SILENCE_S)
         if first is None:
             raise VideoError(source.problem or f"{source.name}: no frame within {SILENCE_S:.0f} s")
-        box = _first_box(options, truth, first, source.size)
+        box = first_box(options, truth, source.size, first)
         tracker = tracker or tracker_factory(options.config.tracker)
         _start(tracker, first, box)
         dry_run = _DryRun(options, source, tracker, camera, poses)
@@ -252,13 +252,9 @@ def _start(tracker: BoxTracker, first: Frame, box: Box) -> None:
         raise SelectionError(str(error)) from error
 
 
-def _first_box(
-    options: Options,
-    truth: Truth | None,
-    first: Frame,
-    size: tuple[int, int],
-) -> Box:
-    if options.select:
+def first_box(options: Options, truth: Truth | None, size: tuple[int, int], first: Frame | None = None) -> Box:
+    """What to track from the first frame (None: nothing can be drawn on it). Raises SelectionError."""
+    if options.select and first is not None:
         return check_box(draw_box(first.image_bgr), *size)
     if options.box is not None:
         return check_box(options.box, *size)
