@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
+.PHONY: help setup demo test test-browser check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
 	@echo "make test    run the tests"
+	@echo "make test-browser   the operator's page in a real Chromium"
 	@echo "make check   ruff, mypy, import-linter, codespell"
 	@echo "make bench   measure speed and memory, side by side in one run"
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
@@ -31,8 +32,13 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/gcs demo --out $(OUT)
 
+# Two processes: much of it flies in real time and mostly waits.
 test: $(STAMP)
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
+
+# Needs an installed Chromium (Debian: apt install chromium), or CHROMIUM=/path/to/it.
+test-browser: $(STAMP)
+	$(BIN)/pytest tests/browser $(ARGS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

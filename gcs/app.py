@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import gc
+import importlib
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -16,6 +17,7 @@ from control.modes import FollowMode
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.backend import Backend
+from gcs.cli_operator import with_operator_arguments
 from gcs.cli_vehicle import with_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import AutopilotChoice, Config, FollowChoice, load
@@ -23,10 +25,11 @@ from gcs.dryrun_output import prepare_folder
 from gcs.errors import ConfigError, GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_control import Wanted
-from gcs.flight_orders import Orders
 from gcs.flight_record import TLOG, FlightRecorder
-from gcs.flight_view import Watcher
+from gcs.flight_station import FlightStation
 from gcs.link_meters import LinkFigures
+from gcs.operator.displays import Displays
+from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
 from gcs.selection import parse_box
@@ -34,24 +37,30 @@ from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import VideoSource, open_source
+from gcs.video.frame import redact
 from gcs.wire import Wire
 from tracker.box import Box
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What `gcs run` was asked for; out: a folder for the record, None keeps none. box: selected at once."""
+    """What `gcs run` was asked for; out: a folder for the record, None keeps none. box: selected at once.
+
+    plain: the terminal shows lines only. json: the state as JSON lines on stdout.
+    """
 
     video: str
     vehicle: str
     config: Config
     out: Path | None = None
     box: Box | None = None
+    plain: bool = False
+    json: bool = False
 
 
 def main(args: argparse.Namespace) -> int:
     """The command: arguments over configuration."""
-    config = load(args.config)
+    config = with_operator_arguments(load(args.config, args.profile), args)
     vehicle = with_arguments(config.vehicle, args)
     if args.autopilot is not None:
         vehicle = replace(vehicle, autopilot=AutopilotChoice(args.autopilot))
@@ -66,8 +75,10 @@ def main(args: argparse.Namespace) -> int:
         config=replace(config, vehicle=vehicle),
         out=Path(args.out) if args.out else Path(config.recorder.folder) / "run",
         box=None if args.box is None else parse_box(args.box),
+        plain=args.plain or args.json,
+        json=args.json,
     )
-    return run(options, Screen(sys.stdout))
+    return run(options, Screen(sys.stderr if args.json else sys.stdout))
 
 
 def _check_own_mode(config: Config) -> None:
@@ -86,27 +97,57 @@ def run(options: RunOptions, screen: Screen) -> int:
 
 async def _run(options: RunOptions, screen: Screen) -> int:
     config, clock = options.config, MonotonicClock()
+    displays = Displays(config, clock, screen.say)
+    await displays.open()
+    try:
+        if displays.url is not None:
+            screen.say(f"page: {displays.url}")
+        await _run_shown(options, screen, displays, clock)
+    finally:
+        await displays.close()
+    return 0
+
+
+async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, clock: Clock) -> None:
+    config = options.config
+
+    def starting(text: str) -> None:
+        screen.live(f"{text} ...")
+        displays.starting(text)
+
+    starting(f"opening the video {redact(options.video)}")
     source = await asyncio.to_thread(open_live, options.video, config)
     try:
         screen.say(f"video: {source.size[0]}x{source.size[1]} px from {source.name}")
-        tracker = await asyncio.to_thread(make_tracker, config.tracker)
+        starting("loading the tracker")
+        tracker = await asyncio.to_thread(_load, config)
         folder = prepare_folder(options.out) if options.out is not None else None
+        starting(f"waiting for the vehicle at {options.vehicle}")
         async with open_link(options.vehicle, config, clock, folder) as link:
-            screen.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
-            with recorder(folder, config, source, screen.say, figures=link.wire.figures) as watchers:
-                flight = make_flight(link, source, tracker, config, clock, screen.say, watchers)
-                orders = Orders(flight)
-                operator = TerminalOperator(orders, screen)
-                with signals(flight.stop):
-                    await fly(flight, operator.run(), *_preselect(orders, options.box, screen))
-        return 0
+            displays.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
+            with recorder(folder, config, source, displays.say, figures=link.wire.figures) as record:
+                flight = make_flight(link, source, tracker, config, clock, displays.say, record)
+                station = FlightStation(flight)
+                operator = TerminalOperator(station, screen)
+                beside = [operator.run(), *_preselect(station, options.box, displays.say)]
+                if options.json:
+                    beside.append(write_lines(station, displays.lease, clock, sys.stdout))
+                async with displays.serve(station):
+                    with signals(flight.stop), contextlib.closing(station):
+                        await fly(flight, *beside)
     finally:
         await asyncio.to_thread(source.close)
 
 
-def _preselect(orders: Orders, box: Box | None, screen: Screen) -> tuple[asyncio.Future[None], ...]:
+def _load(config: Config) -> BoxTracker:
+    """In a thread: SciPy's second is spent here too, not on the loop when the first filter is made."""
+    importlib.import_module("filterpy.kalman")
+    return make_tracker(config.tracker)
+
+
+def _preselect(station: FlightStation, box: Box | None, say: Callable[[str], None]) -> tuple[asyncio.Future[None], ...]:
     """--box: select at the first picture."""
-    return () if box is None else (perform(orders.perform(Select(box)), screen.say),)  # type: ignore[return-value]
+    return () if box is None else (perform(station.perform(Select(box)), say),)  # type: ignore[return-value]
 
 
 def open_live(address: str, config: Config) -> VideoSource:
@@ -158,14 +199,14 @@ def recorder(
     say: Callable[[str], None],
     watermark: str | None = None,
     figures: Callable[[float], LinkFigures] | None = None,
-) -> Iterator[tuple[Watcher, ...]]:
-    """The flight's record as a watcher; nothing without a folder."""
+) -> Iterator[FlightRecorder | None]:
+    """The flight's record, a watcher; None without a folder."""
     if folder is None:
-        yield ()
+        yield None
         return
     record = FlightRecorder(folder, config.recorder, source.size, source.fps, watermark, figures)
     try:
-        yield (record,)
+        yield record
     finally:
         for problem in record.close():
             say(f"record: {problem}")
@@ -178,10 +219,12 @@ def make_flight(
     config: Config,
     clock: Clock,
     say: Callable[[str], None],
-    watchers: tuple[Watcher, ...] = (),
+    record: FlightRecorder | None = None,
 ) -> Flight:
     """A flight as configured, not yet running."""
+    watchers = () if record is None else (record,)
     flight = Flight(link, source, tracker, config, clock, say=say, watchers=watchers)
+    flight.film = None if record is None else record.film
     follow = config.follow
     mode = FollowMode(follow.mode.value)
     flight.control.wanted = Wanted(mode, standoff_m=follow.standoff_m, distance_m=follow.distance_m)

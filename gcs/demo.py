@@ -122,10 +122,10 @@ async def _fly(
     try:
         async with open_link(world.vehicle_url, config, clock, world.folder) as link:
             screen.say(f"vehicle: {link.telemetry.vehicle}")
-            with recorder(world.folder, config, source, screen.say, "SIM", link.wire.figures) as watchers:
-                flight = make_flight(link, source, tracker, config, clock, screen.say)
+            with recorder(world.folder, config, source, screen.say, "SIM", link.wire.figures) as record:
+                flight = make_flight(link, source, tracker, config, clock, screen.say, record)
                 operator = DemoOperator(flight, world, clock, screen.say, options.seconds, options.seed or 0)
-                flight.watchers = (*watchers, operator)
+                flight.watchers = (*flight.watchers, operator)
                 interrupts: list[bool] = []
 
                 def interrupt() -> None:

@@ -193,10 +193,10 @@ async def _main(options: argparse.Namespace) -> None:
     async with open_link(options.vehicle, config, clock, options.out) as link:
         network = make_tracker(config.tracker) if options.network else None
         tracker = BlobTracker() if options.video else ImaginedTracker(link.telemetry, network)
-        with recorder(options.out, config, source, lambda text: say(said=text)) as watchers:
-            flight = make_flight(link, source, tracker, config, clock, lambda text: say(said=text))
+        with recorder(options.out, config, source, lambda text: say(said=text)) as record:
+            flight = make_flight(link, source, tracker, config, clock, lambda text: say(said=text), record)
             station = Station(flight)
-            flight.watchers = (*watchers, station)
+            flight.watchers = (*flight.watchers, station)
             if options.file_limit is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (options.file_limit, options.file_limit))
             with signals(flight.stop):

@@ -1,0 +1,88 @@
+"""What an operator sees and steers by: the page, the MAVLink camera and the video that goes out, round one station."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from typing import TYPE_CHECKING
+
+from gcs.clock import Clock
+from gcs.errors import GcsError
+from gcs.operator.lease import Lease
+
+if TYPE_CHECKING:  # each is imported when it is opened
+    from gcs.config import Config
+    from gcs.operator.camera.server import Surroundings, TrackingCamera
+    from gcs.operator.station import Station
+    from gcs.operator.web.server import Page
+    from gcs.video_out.out import VideoOut
+
+
+class Displays:
+    """say: the line to everybody; lease: who may order."""
+
+    def __init__(self, config: Config, clock: Clock, say: Callable[[str], None]) -> None:
+        self.lease = Lease()
+        self._config = config
+        self._clock = clock
+        self._say = say
+        self._page: Page | None = None
+
+    @property
+    def url(self) -> str | None:
+        """Of the page, with its token; None: there is none."""
+        return self._page.url if self._page is not None else None
+
+    def say(self, text: str) -> None:
+        """To the terminal and to every page."""
+        self._say(text)
+        if self._page is not None:
+            self._page.say(text)
+
+    def starting(self, text: str) -> None:
+        """What is being waited for, while there is no station yet."""
+        if self._page is not None:
+            self._page.starting(text)
+
+    async def open(self) -> None:
+        """The page answers from here on. GcsError where its port is taken."""
+        if not self._config.page.enabled:
+            return
+        from gcs.operator.web.server import Page
+
+        self._page = Page(self._config.page, self._clock, lease=self.lease)
+        await self._page.open()
+
+    async def close(self) -> None:
+        """Everything that is open."""
+        if self._page is not None:
+            await self._page.close()
+
+    @contextlib.asynccontextmanager
+    async def serve(self, station: Station, around: Surroundings | None = None) -> AsyncIterator[None]:
+        """Show and steer this station. around: what the MAVLink camera must know of the vehicle; None opens none."""
+        async with contextlib.AsyncExitStack() as opened:
+            if self._page is not None:
+                self._page.attach(station)
+                opened.callback(self._page.detach)
+            video = await self._open_video(station)
+            if video is not None:
+                opened.push_async_callback(video.close)
+            if around is not None and self._config.mavlink_camera.url is not None:
+                camera = await self._open_camera(station, around, video)
+                opened.push_async_callback(camera.close)
+            yield
+
+    async def _open_video(self, station: Station) -> VideoOut | None:
+        wanted = self._config.video_out
+        if wanted.rtsp_port is None and wanted.rtp is None:
+            return None
+        from gcs.video_out.out import VideoOut
+
+        video = VideoOut(wanted, station)
+        await video.open()
+        self.say(f"video out: {video.rtsp_url or wanted.rtp}")
+        return video
+
+    async def _open_camera(self, station: Station, around: Surroundings, video: VideoOut | None) -> TrackingCamera:
+        raise GcsError("not yet")
