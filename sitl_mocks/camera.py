@@ -75,14 +75,25 @@ class RenderedCamera:
         north, east, down = position_ned_m
         return View(rotation, np.array([north, east, min(down, -MIN_HEIGHT_M)]), self.lens.matrix)
 
-    def render(self, t_s: float, position_ned_m: Vec3, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Rendered:
-        """The picture at scenario time t_s (s) from a pose (NED metres, radians)."""
+    def render(
+        self,
+        t_s: float,
+        position_ned_m: Vec3,
+        roll_rad: float,
+        pitch_rad: float,
+        yaw_rad: float,
+        taken_t_s: float | None = None,
+    ) -> Rendered:
+        """The picture at scenario time t_s (s) from a pose (NED metres, radians).
+
+        taken_t_s: where that is another time, for the noise: a scenario's clock may stand, a sensor's noise does not.
+        """
         view = self.view(position_ned_m, roll_rad, pitch_rad, yaw_rad)
         picture = np.empty((self.lens.height_px, self.lens.width_px, 3), np.uint8)
         paint_ground(picture, view, self._ground)
         painted = self._painter.paint(picture, view, self._world.state(t_s))
         truth = {actor.name: self._truth(actor.name, painted) for actor in self._world.actors}
-        return Rendered(self._develop(picture, t_s), truth)
+        return Rendered(self._develop(picture, t_s if taken_t_s is None else taken_t_s), truth)
 
     def _truth(self, name: str, painted: dict[str, Silhouette]) -> Truth:
         silhouette = painted.get(name)

@@ -203,7 +203,7 @@ class Simulator:
     def _take(self, shot: _Shot, truth_out: TextIO | None) -> bytes:
         pose = shot.pose.of_camera
         attitude = (pose.roll_rad, pose.pitch_rad, pose.yaw_rad)
-        rendered = self._camera.render(shot.scenario_t_s, pose.position_ned_m, *attitude)
+        rendered = self._camera.render(shot.scenario_t_s, pose.position_ned_m, *attitude, taken_t_s=pose.t_s)
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._config.jpeg_quality]
         _, jpeg = cv2.imencode(".jpg", rendered.image_bgr, quality)
         if truth_out is not None:

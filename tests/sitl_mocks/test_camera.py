@@ -208,3 +208,9 @@ def test_the_ground_has_texture_near_and_far() -> None:
 def test_a_lens_out_of_range_is_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="camera:"):
         Lens(**bad)  # type: ignore[arg-type]
+
+
+def test_the_sensors_noise_goes_on_while_the_scenario_waits() -> None:
+    camera = _moving_camera()
+    first, second = (camera.render(0.0, (0.0, 0.0, -9.0), 0.0, 0.0, 0.0, taken_t_s=t_s) for t_s in (5.0, 5.05))
+    assert (first.image_bgr != second.image_bgr).any()
