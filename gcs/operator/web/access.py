@@ -57,7 +57,7 @@ def _let_in(request: web.Request, guard: Guard) -> web.StreamResponse:
     """The token becomes a cookie, so that it stands in no history and no address line."""
     if request.method != "GET" or not guard.is_token(request.query["token"]):
         raise web.HTTPUnauthorized(text="This link is of another start of the station. " + _LOST)
-    response = web.HTTPSeeOther("/")
+    response = web.Response(status=303, headers={"Location": "/"})
     response.set_cookie(_cookie_name(request), guard.cookie, httponly=True, samesite="Strict", path="/")
     return response
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final, Protocol
 
-from gcs.operator.web.protocol import SayReport, Starting
+from gcs.operator.web.report_types import SayReport, Starting
 
 if TYPE_CHECKING:  # brings OpenCV, which a page that only starts up does not need
     from gcs.operator.web.pictures import Picture
@@ -54,7 +54,6 @@ class Audience:
         self._most = most
         self._lookers: list[Looker] = []
         self._lines: deque[bytes] = deque(maxlen=_LINES_KEPT)
-        self.newest: Picture | None = None
 
     def __len__(self) -> int:
         return len(self._lookers)
@@ -72,8 +71,6 @@ class Audience:
         self._lookers.append(looker)
         for line in self._lines:
             looker.add(line)
-        if self.newest is not None:
-            looker.show(self.newest)
 
     def leave(self, looker: Looker) -> None:
         """No more."""
@@ -89,7 +86,6 @@ class Audience:
 
     def show(self, picture: Picture) -> None:
         """A new picture for all."""
-        self.newest = picture
         for looker in self._lookers:
             looker.show(picture)
 
@@ -125,7 +121,6 @@ class Audience:
 
     def starting(self, text: str) -> None:
         """There is no station (any more)."""
-        self.newest = None
         line = Starting(text=text).encode()
         for looker in self._lookers:
             looker.forget()

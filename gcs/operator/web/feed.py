@@ -18,7 +18,7 @@ from gcs.operator.lease import Lease
 from gcs.operator.station import Station
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.pictures import Pictures
-from gcs.operator.web.protocol import StatusReport
+from gcs.operator.web.report_types import StatusReport
 from gcs.operator.web.reports import candidates_report, frame_report, map_report, status_report
 
 STATUS_S: Final = 0.2

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 
-from gcs.operator.web.protocol import PICTURE_HEAD_BYTES, picture_head
+from gcs.operator.web.report_types import PICTURE_HEAD_BYTES, picture_head
 from gcs.video.frame import Frame, Image
 
 log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from control.fence import Fence
 from gcs.flight_view import Sighting, Status
 from gcs.latency_budget import Budget
 from gcs.operator.station import Point, Scene, Station
-from gcs.operator.web.protocol import (
+from gcs.operator.web.report_types import (
     CandidateReport,
     CandidatesReport,
     FenceReport,

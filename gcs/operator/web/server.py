@@ -5,6 +5,7 @@ It is there from the program's first second and says what is waited for, until a
 
 from __future__ import annotations
 
+import asyncio
 import importlib.metadata
 import ipaddress
 import logging
@@ -22,7 +23,8 @@ from gcs.operator.web import access, extras
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.guard import Guard
 from gcs.operator.web.mjpeg import MjpegStream
-from gcs.operator.web.protocol import MOST_BYTES, Asked, Ping, Starting, Welcome
+from gcs.operator.web.protocol import Asked, Ping
+from gcs.operator.web.report_types import Starting, Welcome
 from gcs.operator.web.static_files import read_all
 from gcs.operator.web.viewer import Viewer
 
@@ -34,6 +36,7 @@ _HEARTBEAT_S: Final = 10.0  # of a WebSocket; half of it later who does not answ
 _BODY_BYTES: Final = 64 * 1024
 _RECEIVE_BYTES, _SEND_BYTES = 32 * 1024, 256 * 1024
 _CLOSE_S: Final = 1.0
+_REMIND_S: Final = 1.0
 log = logging.getLogger(__name__)
 
 
@@ -59,6 +62,7 @@ class Page:
         self._audience = Audience(config.most_viewers)
         self._starting = "starting"
         self._stage: Stage | None = None
+        self._reminding: asyncio.Task[None] | None = None
         self._names = 0
         self._port = config.port
         self._runner = web.AppRunner(
@@ -78,6 +82,14 @@ class Page:
             where = f"{self._config.host}:{self._config.port}"
             raise PageError(f"page: {where} cannot be served: {error.strerror or error}; see page.port") from None
         self._port = listening.getsockname()[1]
+        self._reminding = asyncio.get_running_loop().create_task(self._remind())
+
+    async def _remind(self) -> None:
+        """Who hears nothing takes the connection for dead."""
+        while True:
+            if self._stage is None:
+                self._audience.put("station", Starting(text=self._starting).encode())
+            await asyncio.sleep(_REMIND_S)
 
     @property
     def port(self) -> int:
@@ -120,6 +132,8 @@ class Page:
     async def close(self) -> None:
         """Everybody has to leave; the address is free again."""
         self.detach()
+        if self._reminding is not None:
+            self._reminding.cancel()
         await self._audience.close(WSCloseCode.GOING_AWAY, "the station has ended")
         await extras.close_webrtc()
         await self._runner.cleanup()
@@ -164,7 +178,7 @@ class Page:
 
     async def _ws(self, request: web.Request) -> web.StreamResponse:
         ws = web.WebSocketResponse(
-            max_msg_size=MOST_BYTES, compress=False, heartbeat=_HEARTBEAT_S, timeout=_CLOSE_S, writer_limit=_BODY_BYTES
+            max_msg_size=_BODY_BYTES, compress=False, heartbeat=_HEARTBEAT_S, timeout=_CLOSE_S, writer_limit=_BODY_BYTES
         )
         await ws.prepare(request)
         self._names += 1
@@ -203,7 +217,9 @@ class Page:
     async def _handle(self, viewer: Viewer, asked: Asked) -> None:
         if self._stage is not None:
             await self._stage.desk.handle(viewer, asked)
-        elif not isinstance(asked, Ping):
+        elif isinstance(asked, Ping):
+            viewer.answer(asked, True, "")
+        else:
             viewer.answer(asked, False, f"not yet: {self._starting}")
 
     async def _video(self, request: web.Request) -> web.StreamResponse:

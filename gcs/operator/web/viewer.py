@@ -12,15 +12,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from gcs.clock import Clock
 from gcs.operator.web.limits import Flood, HoldToConfirm
-from gcs.operator.web.protocol import (
-    AnswerReport,
-    Asked,
-    Candidates,
-    Pictures,
-    ProtocolError,
-    Seen,
-    decode,
-)
+from gcs.operator.web.protocol import MOST_BYTES, Asked, Candidates, Pictures, ProtocolError, Seen, decode
+from gcs.operator.web.report_types import AnswerReport
 
 if TYPE_CHECKING:
     from gcs.operator.web.pictures import Picture
@@ -48,6 +41,7 @@ class Viewer:
         self._lines: deque[bytes] = deque(maxlen=_LINES)
         self._picture: Picture | None = None
         self._unseen: deque[int] = deque()
+        self._sent_seq: int | None = None
         self._pictures_on = True
         self._work = asyncio.Event()
 
@@ -60,6 +54,8 @@ class Viewer:
 
     def show(self, picture: Picture) -> None:
         """The newest picture, sent when there is room for it."""
+        if picture.seq == self._sent_seq:
+            return
         self._picture = picture
         if self.wants_picture:
             self._work.set()
@@ -78,7 +74,7 @@ class Viewer:
         """The station has gone."""
         self._texts.clear()
         self._unseen.clear()
-        self._picture = None
+        self._picture = self._sent_seq = None
         self.hold.end()
 
     def answer(self, asked: Asked, ok: bool, text: str, reasons: tuple[str, ...] = ()) -> None:
@@ -98,6 +94,7 @@ class Viewer:
             picture = self._picture
             if picture is not None and self.wants_picture:
                 self._picture = None
+                self._sent_seq = picture.seq
                 self._unseen.append(picture.seq)
                 await self._ws.send_frame(picture.message, WSMsgType.BINARY)
 
@@ -135,6 +132,8 @@ class Viewer:
                 return WSCloseCode.POLICY_VIOLATION, "too many messages"
             if message.type is not WSMsgType.TEXT:
                 return WSCloseCode.UNSUPPORTED_DATA, "only texts are understood"
+            if len(message.data) > MOST_BYTES:
+                return WSCloseCode.MESSAGE_TOO_BIG, f"more than {MOST_BYTES} bytes"
             try:
                 asked = decode(message.data)
             except ProtocolError as error:
