@@ -24,7 +24,7 @@ _WIDTH: Final = 100
 
 def main(args: argparse.Namespace) -> int:
     """0: a follow may start. 1: something is unsafe and not accepted."""
-    audit = asyncio.run(_audit(with_arguments(load(args.config).vehicle, args)))
+    audit = asyncio.run(_audit(with_arguments(load(args.config, args.profile).vehicle, args)))
     print(_json(audit) if args.json else table(audit))
     return 0 if audit.ok else _UNSAFE
 

@@ -38,7 +38,7 @@ def main(args: argparse.Namespace) -> int:
 
 def options_of(args: argparse.Namespace) -> Options:
     """Raises GcsError, ConfigError or the sequences' ValueError for arguments that cannot be used."""
-    config = load(args.config)
+    config = load(args.config, args.profile)
     if args.weights is not None:
         config = replace(config, tracker=replace(config.tracker, weights=args.weights))
     if args.seconds is not None and not (math.isfinite(args.seconds) and args.seconds > 0):

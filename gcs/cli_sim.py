@@ -162,10 +162,12 @@ def _begin(said: dict[str, Any], config: SimulatorConfig, args: argparse.Namespa
 
 def _end(monitor: dict[str, Any]) -> str:
     """What the judge on the wire has seen."""
+    if not monitor["setpoints"]:
+        return "No setpoint came."
     lines = [f"The vehicle was sent {monitor['setpoints']} setpoints, {monitor['moving_setpoints']} of them moving."]
     if monitor["unsafe"]:
         lines.append(f"UNSAFE {monitor['unsafe']} times, by the judge on its wire:")
         lines += [f"  {reason['rule']}: {reason['text']}" for reason in monitor["reasons"]]
-    elif monitor["setpoints"]:
+    else:
         lines.append("None of them was unsafe, by the judge on its wire.")
     return "\n".join(lines)

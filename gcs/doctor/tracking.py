@@ -1,0 +1,52 @@
+"""The tracker: its weights, and how fast it is here. The only check that needs PyTorch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Final
+
+from gcs.doctor.check import Question, Result, Say, fail, ok, skip, warn
+
+_NAME: Final = "tracker"
+_UPDATES: Final = 12
+_GOOD_HZ: Final = 15.0
+
+
+def tracker(question: Question, say: Say) -> Iterator[Result]:
+    """Load the weights, whose checksum is compared then, and time it on pictures of 720p."""
+    if question.quick:
+        yield skip(_NAME, "not loaded (--quick)")
+        return
+    say("loading the tracker")
+    # PyTorch costs seconds: not for the checks that do without.
+    from gcs.tracking import make_tracker
+    from tracker.weights import WeightsError
+
+    choice, began_s = question.config.tracker, time.monotonic()
+    try:
+        made = make_tracker(choice)
+    except WeightsError as error:
+        yield fail("weights", str(error), "name others: tracker.weights; `gcs weights info FILE` looks at one")
+        return
+    load_s = time.monotonic() - began_s
+    yield ok("weights", f"{choice.weights}: checksum right, loaded in {load_s:.1f} s", load_s=load_s)
+    say("timing the tracker")
+    from gcs.bench import BOX, frame, measure
+
+    frames = [frame(i) for i in range(4)]
+    made.init(frames[0], BOX)
+    turn = iter(range(10**9))
+    figure = measure(_NAME, lambda: made.update(frames[next(turn) % len(frames)]), _UPDATES)
+    yield judge_speed(figure.median_ms, question.config.control.engagement.target_age_s)
+
+
+def judge_speed(median_ms: float, target_age_s: float) -> Result:
+    """What it means that an update takes so long; target_age_s: older is unseen."""
+    fps = 1000.0 / median_ms
+    text = f"{median_ms:.0f} ms a picture: {fps:.0f} pictures a second at most"
+    fix = "use the `compact` weights, set tracker.threads to the number of cores, end other programs"
+    figures = {"update_ms": median_ms, "fps": fps}
+    if median_ms / 1000 > target_age_s / 2:  # every second picture alone is older than what is still seen
+        return fail(_NAME, f"{text}, too few to follow with", fix, **figures)
+    return warn(_NAME, text, fix, **figures) if fps < _GOOD_HZ else ok(_NAME, text, **figures)
