@@ -53,6 +53,7 @@ class FakeStation:
     frames: FrameHistory = field(default_factory=FrameHistory)
     now_s: Callable[[], float] = time.monotonic
     visible: bool = True
+    age_s: float = 0.05  # of what the vehicle said last
 
     def __post_init__(self) -> None:
         self._watchers: list[Watcher] = []
@@ -71,7 +72,7 @@ class FakeStation:
 
     def status(self) -> Status:
         now_s = self.now_s()
-        fresh = dict.fromkeys(("heartbeat_t_s", "mode_t_s", "attitude_t_s", "position_t_s"), now_s - 0.05)
+        fresh = dict.fromkeys(("heartbeat_t_s", "mode_t_s", "attitude_t_s", "position_t_s"), now_s - self.age_s)
         newest = self.frames.newest
         return replace(
             self.base,
@@ -162,7 +163,7 @@ class FakeStation:
         frame = Frame(self._seq, image, now_s - 0.1, now_s)
         self.frames.add(frame)
         tracked = self.base.selection > 0 and self.box is not None
-        result = TrackResult(target, 0.9, 0.87 if self.visible else 0.1) if tracked else None
+        result = TrackResult(target, 0.9, 0.87 if self.visible else 0.1, self.visible) if tracked else None
         seen = Seen(frame, self.base.selection, result, now_s, 0.02)
         predicted = replace(target, cx_px=target.cx_px + 4) if tracked else None
         sighting = Sighting(seen, self.status(), None, predicted)

@@ -41,9 +41,9 @@ export class Abort {
 async function post() {
   try {
     const response = await fetch("/abort", { method: "POST", cache: "no-store", signal: AbortSignal.timeout(POST_MS) });
-    if (response.ok) return { ok: true, text: "sent" };
+    if (response.ok || response.status === 409) return await response.json();
     if (response.status >= 500 && response.status !== 503) return null;
-    return { ok: false, text: (await response.text()).slice(0, 60) || `refused (${response.status})` };
+    return { ok: false, text: (await response.text()).slice(0, 80) || `refused (${response.status})` };
   } catch {
     return null;
   }

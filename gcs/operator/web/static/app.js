@@ -101,12 +101,19 @@ function statusCame(status) {
   Object.assign(page, { status, statusAt: performance.now() });
   showStatus(status);
   const state = status.engaging ? "ENGAGING" : status.state.toUpperCase();
-  banner(status.tone, state, status.reasons.join("; "));
+  banner(status.tone, state, status.reasons.join("; ") || hint(status));
   if (before && WORSE[status.tone] > WORSE[before.tone]) ring(WORSE[status.tone] + 1, 880);
   if (status.in_control || !status.controller) page.forceUntil = 0;
   if (before?.selection !== status.selection) nudge.by = null;
   following.update();
   refresh();
+}
+
+/** What to do next, where the station has nothing to say. */
+function hint({ state, engaging, refusals }) {
+  if (state === "idle") return "drag a box round the target, or tap it";
+  if (state === "selected" && !engaging) return refusals.length ? "cannot follow yet" : "hold FOLLOW for a second";
+  return "";
 }
 
 function changed(isOpen) {
@@ -127,7 +134,7 @@ function show(picture) {
 }
 
 function liveShown(seq, video) {
-  show({ seq, image: video, width: video.videoWidth, height: video.videoHeight, frame: pictures.frameOf(seq) });
+  show({ seq, image: video, width: video.videoWidth, height: video.videoHeight, frame: pictures.nearest(seq) });
 }
 
 // -- what is shown ------------------------------------------------------------------------------------------
@@ -168,7 +175,7 @@ function refresh() {
   else if (isLost && welcome) {
     banner("alarm", "CONNECTION LOST", `${age_s} s · last: ${status?.headline ?? "nothing"}`);
     notice("CONNECTION LOST", `What you see is ${age_s} s old. ABORT is still tried.`, true);
-  } else if (isLost) notice("Connecting", "to the station", true);
+  } else if (isLost) notice("Connecting", link.reason || "to the station", true);
   else if (!welcome) notice("Starting", page.starting, true);
   else if (!page.shown) notice("No picture yet", "", true);
   else notice(null);
@@ -272,10 +279,8 @@ addEventListener("blur", giveUp);
 document.addEventListener("visibilitychange", () => document.hidden && giveUp());
 addEventListener("pointerdown", wake, { once: true });
 addEventListener("keydown", wake, { once: true });
-new ResizeObserver(() => {
-  redraw();
-  map.draw();
-}).observe(by("stage"));
+new ResizeObserver(redraw).observe(by("stage"));
+new ResizeObserver(() => map.draw()).observe(by("map"));
 document.addEventListener("contextmenu", (event) => event.target.matches("input") || event.preventDefault());
 setInterval(refresh, 200);
 setInterval(() => page.status?.in_control && link.tell({ do: "ping" }), 1000);

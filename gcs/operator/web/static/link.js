@@ -14,6 +14,7 @@ export class Link {
     this.backOffMs = FIRST_MS;
     this.heardAt = performance.now();
     this.refused = false;
+    this.reason = ""; // why the station closed it
   }
 
   get isOpen() {
@@ -40,7 +41,10 @@ export class Link {
       this.heardAt = performance.now();
       this.changed(true);
     };
-    socket.onclose = () => this.lost(socket);
+    socket.onclose = ({ reason }) => {
+      if (socket === this.socket) this.reason = reason;
+      this.lost(socket);
+    };
     socket.onmessage = ({ data }) => socket === this.socket && this.read(data);
     this.socket = socket;
   }

@@ -1,6 +1,6 @@
 // What the station says, in words and colours. Every figure that is not known is a dash.
 
-const AMBER_S = 1, RED_S = 3, SAID_MS = 9000, MOST_SAID = 4, LOW_BATTERY = 0.25;
+const AMBER_S = 1, RED_S = 3, SAID_MS = 9000, MOST_SAID = 4, LOW_BATTERY = 0.25, LIMIT_MS = 1200;
 const PARTS = ["glass", "decode", "wait", "tracker", "control", "link"];
 const MODE_WORDS = { external: "offboard" };
 
@@ -50,11 +50,21 @@ export function showStatus(status) {
   text("distance", fixed(status.distance_m, 1, " m"));
   text("standoff", fixed(status.standoff_m, 1, " m"));
   text("mode", status.mode);
-  list("limits", status.limits.length ? status.limits : ["nothing"]);
-  by("limits-item").dataset.level = status.limits.length ? "amber" : "";
+  showLimits(status.limits);
   list("warnings", status.warnings);
   text("link-line", status.link);
   showLatency(status.latency);
+}
+
+const clippedAt = new Map();
+
+/** A limit that clips for a moment can still be read. */
+function showLimits(names) {
+  const now = performance.now();
+  for (const name of names) clippedAt.set(name, now);
+  for (const [name, at] of clippedAt) if (now - at > LIMIT_MS) clippedAt.delete(name);
+  list("limits", clippedAt.size ? [...clippedAt.keys()] : ["nothing"]);
+  level("limits-item", clippedAt.size ? "amber" : "");
 }
 
 function showLatency(latency) {
@@ -80,9 +90,10 @@ export function showAges(ages_s, sinceMs) {
 
 export function showControl(status, isArmed) {
   const { controller, in_control: mine, viewers } = status;
-  text("who", `${mine ? "You are in control" : controller ? `${controller} is in control` : "Nobody is in control"} · ${viewers} ${viewers === 1 ? "viewer" : "viewers"}`);
+  text("who", mine ? "You are in control" : controller ? `${controller} is in control` : "Nobody is in control");
+  text("viewers", viewers === 1 ? "1 viewer" : `${viewers} viewers`);
   by("control").dataset.mine = String(mine);
-  text("take", mine ? "Give back" : isArmed ? `Again: take it from ${controller}` : "Take control");
+  text("take", mine ? "Give back" : isArmed ? "Press again to take it" : "Take control");
 }
 
 export function showRefusals(lines) {

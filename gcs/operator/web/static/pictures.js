@@ -1,6 +1,6 @@
 // Pictures and what is known of them come on two ways; they are shown together or not at all.
 
-const KEPT = 150, WAIT_MS = 120;
+const KEPT = 150, WAIT_MS = 120, NEAR = 3;
 
 export class Pictures {
   /** shown({seq, image, width, height, frame}): a picture and its JSON, null where none came. seen(seq): decoded. */
@@ -20,6 +20,15 @@ export class Pictures {
 
   frameOf(seq) {
     return this.frames.get(seq) ?? null;
+  }
+
+  /** On a slow link some are left out: then one that is at most a few frames off; null: none. */
+  nearest(seq) {
+    for (let off = 0; off <= NEAR; off++) {
+      const found = this.frames.get(seq - off) ?? this.frames.get(seq + off);
+      if (found) return found;
+    }
+    return null;
   }
 
   heard(frame) {
@@ -43,7 +52,7 @@ export class Pictures {
     this.pending = { seq, width, height, image };
     const frame = this.frameOf(seq);
     if (frame) this.show(frame);
-    else setTimeout(() => this.pending?.seq === seq && this.show(null), WAIT_MS);
+    else setTimeout(() => this.pending?.seq === seq && this.show(this.nearest(seq)), WAIT_MS);
   }
 
   show(frame) {
