@@ -27,6 +27,7 @@ from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_bo
 from gcs.flight_vision import Seen, Vision
 from gcs.frame_rate import FrameRate
 from gcs.latency_budget import BudgetDisplay
+from gcs.link_health import LinkHealth
 from gcs.next import Next
 from gcs.poses import RecordedPoses
 from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose
@@ -35,8 +36,8 @@ from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 
 _ATTITUDE_S: Final = 2.0  # of it known at the start, as on a link that has been open for a while
-WAITING: Final = "draw a box: the video waits at its first picture"
-ENDED: Final = "the video has ended: drop, or draw, to go back to its start"
+WAITING: Final = "draw a box to start the video"
+ENDED: Final = "the video has ended: Drop starts again"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +144,7 @@ class DryRunFlight:
         vehicle = self.vehicle.state(now_s)
         if not self.control.is_engaged:
             self._tell_distance(now_s, vehicle)
-        self.tick = tick = self.control.tick(now_s, vehicle)
+        self.tick = tick = self.control.tick(now_s, vehicle, LinkHealth(one_way_s=0.0))
         self.vehicle.obey(tick.output.action)
         if tick.budget is not None:
             self._budgets.note(now_s, tick.budget)
@@ -249,7 +250,7 @@ class DryRunFlight:
             follow_mode=control.wanted.mode if held is None else held.mode,
             selection=self.seen.selection if self.seen is not None else 0,
             frame_t_s=self.seen.frame.t_arrival_s if self.seen is not None else None,
-            recording=self.film.on,
+            recording=self.film.on and self.place is Place.PLAYING,
         )
 
     def _warnings(self) -> tuple[str, ...]:

@@ -75,7 +75,9 @@ class DryRunRecord:
     def ticked(self, tick: Tick) -> None:
         """A decision."""
         self._messages.ticked(tick)
-        if tick.held is not None and self._assumed():
+        if tick.held is None:
+            return  # whoever stopped it has not lost anything
+        if self._assumed():
             self._assumed_distance_m = ASSUMED_DISTANCE_M
         setpoint = tick.setpoint
         would_be = None

@@ -1,0 +1,183 @@
+"""A flight's messages by their place in the file: one quick pass finds them, each is decoded when it is wanted."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from control.engagement import Inputs, Output
+from control.gimbal import GimbalState
+from control.modes import Confirmation
+from control.motion import TargetMotion
+from control.types import BearingMeasurement, Reason, TargetState, Vec3, VelocityRequest
+from gcs.audit import Audit
+from gcs.errors import GcsError
+from gcs.flight_record import MESSAGES
+from gcs.latency_budget import Budget
+from gcs.link_meters import LinkFigures
+from gcs.tick import Tick
+from tracker.box import Box, TrackResult
+
+
+class ReplayError(GcsError):
+    """A folder that holds no flight, or none that can be read."""
+
+
+class _BoxRow(msgspec.Struct, frozen=True):
+    cx_px: float | None
+    cy_px: float | None
+    w_px: float | None
+    h_px: float | None
+
+
+class _ResultRow(msgspec.Struct, frozen=True):
+    box: _BoxRow
+    score: float | None = None
+    confidence: float | None = None
+    visible: bool = True
+
+
+class FrameRow(msgspec.Struct, frozen=True):
+    """A `FrameRecord` as read back; what was no number there is None."""
+
+    t_capture_s: float
+    t_arrival_s: float
+    t_done_s: float
+    selection: int = 0
+    result: _ResultRow | None = None
+    measurement: BearingMeasurement | None = None
+    problem: str | None = None
+    track_s: float = 0.0
+
+    @property
+    def tracked(self) -> TrackResult | None:
+        """The tracker's answer; None where there was none, or no box in it."""
+        if self.result is None:
+            return None
+        box = self.result.box
+        if box.cx_px is None or box.cy_px is None or box.w_px is None or box.h_px is None:
+            return None
+        found = Box(box.cx_px, box.cy_px, box.w_px, box.h_px)
+        return TrackResult(found, self.result.score or 0.0, self.result.confidence or 0.0, self.result.visible)
+
+
+class Sent(msgspec.Struct, frozen=True):
+    """A setpoint as it left; a record, which no wire takes."""
+
+    t_s: float
+    velocity_ned_mps: Vec3
+    yaw_rate_rps: float
+
+
+class TickRow(msgspec.Struct, frozen=True):
+    """A `Tick` as read back."""
+
+    t_s: float
+    inputs: Inputs
+    output: Output
+    target: TargetState | None
+    request: VelocityRequest | None
+    setpoint: Sent | None
+    gate: Reason
+    camera: GimbalState | None = None
+    budget: Budget | None = None
+    motion: TargetMotion | None = None
+    held: Confirmation | None = None
+
+    @property
+    def tick(self) -> Tick:
+        """The decision for those who watch; without its setpoint, which the gate alone can make."""
+        return Tick(
+            self.t_s, self.inputs, self.output, self.target, self.request, None, self.gate, self.camera,
+            budget=self.budget, motion=self.motion, held=self.held,
+        )  # fmt: skip
+
+
+class _Head(msgspec.Struct, frozen=True):
+    n: int
+    t_s: float
+    type: str
+    frame: int | None = None
+
+
+class _Line(msgspec.Struct, frozen=True):
+    t_s: float
+    type: str
+    frame: int | None
+    data: msgspec.Raw
+
+
+_KINDS: Final[dict[str, Any]] = {"FrameRecord": FrameRow, "Tick": TickRow, "Audit": Audit, "LinkFigures": LinkFigures}
+Message = FrameRow | TickRow | Audit | LinkFigures
+Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
+
+
+class FlightLog:
+    """Of one flight folder, or of a flight broken off at any moment. Raises ReplayError where there is none.
+
+    dropped: messages that the station could not write in time. damaged: lines that cannot be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / MESSAGES
+        self.dropped = self.damaged = 0
+        self._times_s, self._offsets = array("d"), array("q")
+        self._decoder = msgspec.json.Decoder(_Line)
+        self._decoders = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
+        try:
+            self._index()
+        except OSError as error:
+            raise ReplayError(f"{self.path}: {(error.strerror or str(error)).lower()}") from error
+        if not self._times_s:
+            raise ReplayError(f"{self.path}: no flight in it")
+
+    def _index(self) -> None:
+        decode = msgspec.json.Decoder(_Head).decode
+        offset, written = 0, 0
+        with self.path.open("rb") as file:
+            for line in file:
+                try:
+                    head = decode(line)
+                except (msgspec.DecodeError, UnicodeDecodeError):
+                    self.damaged += line.endswith(b"\n")  # a last line cut off is how a flight breaks off
+                else:
+                    self.dropped += max(head.n - written, 0)
+                    written = head.n + 1
+                    if head.type in _KINDS:
+                        self._times_s.append(head.t_s)
+                        self._offsets.append(offset)
+                offset += len(line)
+
+    def __len__(self) -> int:
+        return len(self._times_s)
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first message, on the clock of the flight."""
+        return self._times_s[0]
+
+    @property
+    def span_s(self) -> float:
+        """From the first message to the last."""
+        return max(self._times_s) - self._times_s[0]
+
+    def __iter__(self) -> Iterator[Entry]:
+        """All messages in order, decoded one after the other."""
+        with self.path.open("rb") as file:
+            for offset in self._offsets:
+                file.seek(offset)
+                entry = self._decoded(file.readline())
+                if entry is not None:
+                    yield entry
+
+    def _decoded(self, line: bytes) -> Entry | None:
+        try:
+            row = self._decoder.decode(line)
+            return row.t_s, row.frame, self._decoders[row.type].decode(row.data)
+        except (msgspec.DecodeError, UnicodeDecodeError, KeyError):
+            self.damaged += 1
+            return None
