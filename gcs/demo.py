@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import math
 import sys
@@ -13,8 +14,9 @@ from pathlib import Path
 from typing import Final
 
 from gcs.app import fly, make_flight, open_link, open_live, recorder, signals
+from gcs.cli_operator import with_operator_arguments
 from gcs.clock import MonotonicClock
-from gcs.config import Config, GimbalConfig
+from gcs.config import Config, GimbalConfig, load
 from gcs.demo_operator import DemoOperator
 from gcs.demo_plot import plot
 from gcs.demo_report import Score, read_truth, score, table
@@ -22,6 +24,9 @@ from gcs.demo_simulator import TRUTH, Simulator, simulator
 from gcs.dryrun_output import prepare_folder
 from gcs.errors import GcsError
 from gcs.flight import Flight
+from gcs.flight_station import FlightStation
+from gcs.operator.config import PageConfig
+from gcs.operator.displays import Displays
 from gcs.operator.terminal import Screen
 from gcs.tracking import BoxTracker, make_tracker
 
@@ -30,9 +35,12 @@ _LINE_S: Final = 5.0  # where the output is no terminal
 FENCE_M: Final = 500.0
 
 
+_QUIET: Final = replace(Config(), page=PageConfig(enabled=False))
+
+
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
-    """seconds: of following, once confirmed. out: folder for everything that is left behind."""
+    """seconds: of following, once confirmed. out: folder for everything that is left behind. config: to begin with."""
 
     out: Path
     seconds: float = 60.0
@@ -40,6 +48,7 @@ class DemoOptions:
     personality: str = "px4"
     seed: int | None = None
     gimbal: bool = False
+    config: Config = _QUIET
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,7 @@ def main(args: argparse.Namespace) -> int:
         personality=args.personality or "px4",
         seed=args.seed,
         gimbal=args.gimbal,
+        config=with_operator_arguments(load(None, args.profile), args),
     )
     screen = Screen(sys.stderr if args.json else sys.stdout)
     outcome = demo(options, screen)
@@ -117,27 +127,49 @@ async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callab
 async def _fly(
     options: DemoOptions, world: Simulator, screen: Screen, tracker: BoxTracker
 ) -> tuple[DemoOperator, bool]:
-    clock, config = MonotonicClock(), demo_config(world)
-    source = await asyncio.to_thread(open_live, world.video_url, config)
+    clock, config = MonotonicClock(), demo_config(world, options.config)
+    displays = Displays(config, clock, screen.say)
+    await _open(displays, screen)
     try:
-        async with open_link(world.vehicle_url, config, clock, world.folder) as link:
-            screen.say(f"vehicle: {link.telemetry.vehicle}")
-            with recorder(world.folder, config, source, screen.say, "SIM", link.wire.figures) as record:
-                flight = make_flight(link, source, tracker, config, clock, screen.say, record)
-                operator = DemoOperator(flight, world, clock, screen.say, options.seconds, options.seed or 0)
-                flight.watchers = (*flight.watchers, operator)
-                interrupts: list[bool] = []
-
-                def interrupt() -> None:
-                    interrupts.append(True)
-                    flight.stop()
-
-                with signals(interrupt):
-                    await fly(flight, operator.run(), _show(flight, screen))
+        source = await asyncio.to_thread(open_live, world.video_url, config)
+        try:
+            async with open_link(world.vehicle_url, config, clock, world.folder) as link:
+                displays.say(f"vehicle: {link.telemetry.vehicle}")
+                with recorder(world.folder, config, source, displays.say, "SIM", link.wire.figures) as record:
+                    flight = make_flight(link, source, tracker, config, clock, displays.say, record)
+                    operator = DemoOperator(flight, world, clock, displays.say, options.seconds, options.seed or 0)
+                    return operator, await _watched(flight, operator, displays, screen)
+        finally:
+            screen.end()
+            await asyncio.to_thread(source.close)
     finally:
-        screen.end()
-        await asyncio.to_thread(source.close)
-    return operator, bool(interrupts)
+        await displays.close()
+
+
+async def _watched(flight: Flight, operator: DemoOperator, displays: Displays, screen: Screen) -> bool:
+    """Fly; whether the person at the keyboard ended it."""
+    interrupts: list[bool] = []
+
+    def interrupt() -> None:
+        interrupts.append(True)
+        flight.stop()
+
+    flight.watchers = (*flight.watchers, operator)
+    with contextlib.closing(FlightStation(flight, "SIM")) as station:
+        async with displays.serve(station):
+            with signals(interrupt):
+                await fly(flight, operator.run(), _show(flight, screen))
+    return bool(interrupts)
+
+
+async def _open(displays: Displays, screen: Screen) -> None:
+    """A page to look on by; where its port is taken, there is none."""
+    try:
+        await displays.open()
+    except GcsError as error:
+        screen.say(f"no page: {error}")
+    if displays.url is not None:
+        screen.say(f"watch it at {displays.url}")
 
 
 async def _show(flight: Flight, screen: Screen) -> None:
@@ -150,9 +182,8 @@ async def _show(flight: Flight, screen: Screen) -> None:
         await asyncio.sleep(_LIVE_S if screen.is_terminal else _LINE_S)
 
 
-def demo_config(world: Simulator) -> Config:
-    """The defaults, with the simulator's lens, and a fence as wide as its roads are long."""
-    config = Config()
+def demo_config(world: Simulator, config: Config) -> Config:
+    """The same with the simulator's lens, and a fence as wide as its roads are long."""
     fence = replace(config.control.limits.fence, radius_m=FENCE_M)
     limits = replace(config.control.limits, fence=fence)
     return replace(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import pytest
 
 from gcs.keys import SigningKey, write_key
@@ -104,7 +105,7 @@ class Station:
 @contextlib.asynccontextmanager
 async def station(*arguments: str) -> AsyncIterator[Station]:
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "tests.gcs.run_blob", "run", *arguments,
+        sys.executable, "-m", "tests.gcs.run_blob", "run", "--port", "0", *arguments,
         stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
     try:
@@ -113,6 +114,18 @@ async def station(*arguments: str) -> AsyncIterator[Station]:
         if process.returncode is None:
             process.kill()
         await process.communicate()
+
+
+async def page_status(s: Station) -> dict[str, Any]:
+    """What the page shows, fetched by the link that was said."""
+    url = next(line.removeprefix("page: ") for line in s.said if line.startswith("page: "))
+
+    async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser:
+        async with browser.get(url) as answer:
+            assert answer.status == 200
+        async with browser.get(url.partition("?")[0] + "status.json") as answer:
+            status: dict[str, Any] = await answer.json()
+            return status
 
 
 def camera_file(folder: Path) -> Path:
@@ -141,6 +154,7 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
             await asyncio.sleep(0.6)
             await s.confirms()
             await asyncio.sleep(1.0)
+            assert (await page_status(s))["state"] == "following"
             assert w.mode is Mode.EXTERNAL
             assert w.monitor["moving_setpoints"] > 0
             t_signal_s = time.monotonic()
