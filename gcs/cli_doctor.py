@@ -41,7 +41,7 @@ def main(args: argparse.Namespace) -> int:
     failed = any(result.level is Level.FAIL for result in results)
     if args.json:
         counts = Counter(result.level.value for result in results)
-        print(json.dumps({"ok": not failed, **{level.value: counts[level.value] for level in Level}}))
+        print(json.dumps({"passed": not failed, **{level.value: counts[level.value] for level in Level}}))
     else:
         show(results)
     return EXIT_FAULT if failed else 0
