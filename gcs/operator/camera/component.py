@@ -1,0 +1,304 @@
+"""The camera as a MAVLink component: messages in, messages and orders out. No I/O, and time is an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from gcs.flight_view import Status
+from gcs.framing import Message
+from gcs.operator.camera import commands, messages
+from gcs.operator.camera.clients import Client, Clients
+from gcs.operator.camera.commands import Command, InvalidCommandError
+from gcs.operator.camera.messages import Flag, Result
+from gcs.operator.camera.orders import Answer, Ask, Orders, Problem
+from gcs.operator.camera.parameters import Parameters
+from gcs.operator.camera.setup import CameraSetup, TargetPlace
+from gcs.operator.camera.view import TrackingView
+from gcs.operator.lease import Lease
+from gcs.operator.station import Station
+from gcs.transport import Peer
+
+_HEARTBEAT_S: Final = 1.0
+_DEFAULT_S: Final = 0.5
+_DEFAULTS: Final = {
+    messages.IMAGE_STATUS: _DEFAULT_S,
+    messages.GEO_STATUS: _DEFAULT_S,
+}  # others are silent unless asked
+_READ: Final = frozenset(
+    {"HEARTBEAT", "COMMAND_LONG", "COMMAND_INT", "PARAM_EXT_REQUEST_READ", "PARAM_EXT_REQUEST_LIST", "PARAM_EXT_SET"}
+)
+# What is asked for by a command of its own: which message, and which parameter says "do it" (0: it always does).
+_REQUESTS: Final = {
+    commands.REQUEST_CAMERA_INFORMATION: (messages.INFORMATION, 1),
+    commands.REQUEST_CAMERA_SETTINGS: (messages.SETTINGS, 1),
+    commands.REQUEST_STORAGE_INFORMATION: (messages.STORAGE, 2),
+    commands.REQUEST_CAMERA_CAPTURE_STATUS: (messages.CAPTURE, 1),
+    commands.REQUEST_VIDEO_STREAM_INFORMATION: (messages.STREAM, 0),
+    commands.REQUEST_VIDEO_STREAM_STATUS: (messages.STREAM_STATUS, 0),
+}
+Where: TypeAlias = Callable[[], TargetPlace | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Out:
+    """A message for one address; None: to the only one there is."""
+
+    message: Message
+    peer: Peer | None
+
+
+class CameraComponent:
+    """Each call returns what is to be sent, in this order, and what is to be asked of the station.
+
+    Every `Ask` is answered with `settled`. where: the target's place, None where it cannot be told; without it the
+    camera does not claim to know.
+    """
+
+    def __init__(
+        self, setup: CameraSetup, station: Station, lease: Lease, now_s: float, where: Where | None = None
+    ) -> None:
+        self.setup = setup
+        self.view = TrackingView(station.size)
+        self._station = station
+        self._where = where
+        self._started_s = now_s
+        self._filming_since_s: float | None = None
+        self._clients = Clients()
+        self._orders = Orders(setup, station, lease)
+        self._parameters = Parameters(setup, station)
+        self._text_number = 0
+        self._heartbeat_s = now_s
+        self._out: list[Out] = []
+        self._asks: list[Ask] = []
+        self._makers: dict[int, Callable[[float], Message | None]] = {
+            messages.HEARTBEAT: lambda now_s: messages.heartbeat(),
+            messages.INFORMATION: self._information,
+            messages.SETTINGS: lambda now_s: messages.settings(self._time_ms(now_s)),
+            messages.STORAGE: lambda now_s: messages.storage(self._time_ms(now_s)),
+            messages.CAPTURE: self._capture_status,
+            messages.STREAM: self._stream,
+            messages.STREAM_STATUS: self._stream_status,
+            messages.FOV: self._fov_status,
+            messages.IMAGE_STATUS: self._image_status,
+            messages.GEO_STATUS: self._geo_status,
+        }
+
+    # -- in -----------------------------------------------------------------------------------------------
+
+    def received(self, message: Message, peer: Peer | None, now_s: float) -> list[Out | Ask]:
+        """A valid message from this address."""
+        setup, kind = self.setup, message.get_type()
+        client = Client(peer, message.get_srcSystem(), message.get_srcComponent())
+        itself = (client.system_id, client.component_id) == (setup.system_id, setup.component_id)
+        is_new = peer not in self._clients.peers()
+        if kind not in _READ or itself or not self._clients.heard(client, now_s):
+            return []
+        if is_new:
+            self._send(messages.heartbeat(), peer)
+        if kind == "HEARTBEAT":
+            self._orders.present(client, now_s)
+        elif kind in ("COMMAND_LONG", "COMMAND_INT"):
+            command = commands.command_of(message, client, setup.system_id, setup.component_id)
+            if command is not None:
+                self._command(command, now_s)
+        elif message.target_system in (0, setup.system_id) and message.target_component in (0, setup.component_id):
+            self._parameter(message, kind, client, now_s)
+        return self._take()
+
+    def tick(self, now_s: float) -> list[Out | Ask]:
+        """What is due by now."""
+        if now_s >= self._heartbeat_s:
+            self._heartbeat_s = max(self._heartbeat_s + _HEARTBEAT_S, now_s + _HEARTBEAT_S / 2)
+            self._clients.forget_silent(now_s)
+            self._note_filming(self._station.status(), now_s)
+            for peer in self._clients.peers() or (None,):
+                self._send(messages.heartbeat(), peer)
+            self._tell_changes()
+        for peer, message_id in self._clients.due(now_s):
+            made = self._makers[message_id](now_s)
+            if made is not None:
+                self._send(made, peer)
+        self._answer_all(self._orders.overdue(now_s))
+        return self._take()
+
+    @property
+    def due_s(self) -> float:
+        """When `tick` has something to do next."""
+        return min(self._heartbeat_s, self._clients.due_s, self._orders.due_s)
+
+    def settled(self, ask: Ask, problem: Problem | None) -> list[Out | Ask]:
+        """The station has performed it; or what kept it from that."""
+        if problem is None:
+            self._parameters.performed(ask.order)
+        self._answer_all(self._orders.settled(ask, problem))
+        self._tell_changes()
+        return self._take()
+
+    # -- commands -----------------------------------------------------------------------------------------
+
+    def _command(self, command: Command, now_s: float) -> None:
+        try:
+            if commands.is_elsewhere(command) and not commands.names_camera(command, self.setup.component_id):
+                return
+            if not commands.names_camera(command, self.setup.component_id):
+                raise InvalidCommandError("there is no camera of this id")
+            self._do(command, now_s)
+        except InvalidCommandError as error:
+            self._ack(command, Result.DENIED)
+            if command.number in commands.ORDERING:
+                self._say(str(error), command.client.peer)
+
+    def _do(self, command: Command, now_s: float) -> None:
+        number = command.number
+        if number in commands.ORDERING:
+            self._answer_all(self._orders.take(command, now_s))
+        elif number in _REQUESTS:
+            message_id, switch = _REQUESTS[number]
+            self._request(command, message_id, now_s, wanted=not switch or command.whole(switch) == 1)
+        elif number == commands.REQUEST_MESSAGE:
+            self._request(command, command.whole(1), now_s)
+        elif number == commands.SET_MESSAGE_INTERVAL:
+            self._set_interval(command, now_s)
+        elif number == commands.GET_MESSAGE_INTERVAL:
+            self._get_interval(command)
+        elif number == commands.SET_CAMERA_MODE:
+            self._ack(command, Result.ACCEPTED if commands.is_video_mode(command) else Result.DENIED)
+        elif number == commands.VIDEO_START_STREAMING and self.setup.stream_url:
+            self._ack(command, Result.ACCEPTED)  # it always runs
+        elif not command.to_all:
+            self._ack(command, Result.UNSUPPORTED)
+
+    def _request(self, command: Command, message_id: int, now_s: float, *, wanted: bool = True) -> None:
+        """The acknowledgement, then the message."""
+        maker = self._makers.get(message_id)
+        if maker is None and command.to_all:
+            return  # somebody else's
+        if message_id in (messages.STREAM, messages.STREAM_STATUS):
+            stream_id = command.whole(2 if command.number == commands.REQUEST_MESSAGE else 1)
+            wanted = wanted and stream_id in (0, 1)
+        made = None if maker is None or not wanted else maker(now_s)
+        self._ack(command, Result.DENIED if made is None else Result.ACCEPTED)
+        if made is not None:
+            self._send(made, command.client.peer)
+
+    def _set_interval(self, command: Command, now_s: float) -> None:
+        message_id = command.whole(1)
+        maker = self._makers.get(message_id)
+        if maker is None and command.to_all:
+            return
+        can = maker is not None and message_id != messages.HEARTBEAT and maker(now_s) is not None
+        period_s = commands.period_s(command, _DEFAULTS.get(message_id))
+        self._ack(command, Result.ACCEPTED if can else Result.DENIED)
+        if can:
+            self._clients.want(command.client, message_id, period_s, now_s)
+
+    def _get_interval(self, command: Command) -> None:
+        message_id = command.whole(1)
+        if message_id not in self._makers:
+            if not command.to_all:
+                self._ack(command, Result.DENIED)
+            return
+        self._ack(command, Result.ACCEPTED)
+        period_s = _HEARTBEAT_S if message_id == messages.HEARTBEAT else None
+        period_s = period_s or self._clients.period_s(command.client, message_id)
+        self._send(messages.interval(message_id, period_s), command.client.peer)
+
+    # -- parameters ---------------------------------------------------------------------------------------
+
+    def _parameter(self, message: Message, kind: str, client: Client, now_s: float) -> None:
+        if kind == "PARAM_EXT_SET":
+            wish = self._parameters.wish(message, client)
+            self._answer_all([wish] if isinstance(wish, Answer) else self._orders.take(wish, now_s))
+            return
+        self._clients.follow_parameters(client)
+        self._send_all(self._parameters.read(message, kind), client.peer)
+
+    def _tell_changes(self) -> None:
+        peers = self._clients.parameter_peers()
+        changes = self._parameters.changes() if peers else []
+        for peer in peers:
+            self._send_all(changes, peer)
+
+    # -- messages -----------------------------------------------------------------------------------------
+
+    def _information(self, now_s: float) -> Message:
+        flags = Flag.HAS_TRACKING_POINT | Flag.HAS_TRACKING_RECTANGLE
+        if self.setup.stream_url:
+            flags |= Flag.HAS_VIDEO_STREAM
+        if self._where is not None:
+            flags |= Flag.HAS_TRACKING_GEO_STATUS
+        if self._station.status().recording is not None:
+            flags |= Flag.CAPTURE_VIDEO
+        return messages.information(self.setup, self._time_ms(now_s), self._station.size, flags)
+
+    def _capture_status(self, now_s: float) -> Message:
+        self._note_filming(self._station.status(), now_s)
+        since_s = self._filming_since_s
+        filming_ms = 0 if since_s is None else int((now_s - since_s) * 1000)
+        return messages.capture_status(self._time_ms(now_s), since_s is not None, filming_ms)
+
+    def _note_filming(self, status: Status, now_s: float) -> None:
+        if not status.recording:
+            self._filming_since_s = None
+        elif self._filming_since_s is None:
+            self._filming_since_s = now_s
+
+    def _stream(self, now_s: float) -> Message | None:
+        if not self.setup.stream_url:
+            return None
+        station = self._station
+        return messages.stream_information(self.setup, station.size, station.status().video_fps, station.hfov_rad)
+
+    def _stream_status(self, now_s: float) -> Message | None:
+        if not self.setup.stream_url:
+            return None
+        station = self._station
+        return messages.stream_status(self.setup, station.size, station.status().video_fps, station.hfov_rad)
+
+    def _fov_status(self, now_s: float) -> Message:
+        return messages.fov_status(self._time_ms(now_s), self._station.size, self._station.hfov_rad)
+
+    def _image_status(self, now_s: float) -> Message:
+        return messages.image_status(*self.view.now(now_s, self._station.status()), self.setup.rendered)
+
+    def _geo_status(self, now_s: float) -> Message | None:
+        if self._where is None:
+            return None
+        tracking, corners = self.view.now(now_s, self._station.status())
+        return messages.geo_status(tracking, self._where() if corners is not None else None)
+
+    def _time_ms(self, now_s: float) -> int:
+        return int((now_s - self._started_s) * 1000) % 2**32
+
+    # -- out ----------------------------------------------------------------------------------------------
+
+    def _ack(self, command: Command, result: Result) -> None:
+        client = command.client
+        self._send(messages.ack(command.number, result, client.system_id, client.component_id), client.peer)
+
+    def _say(self, text: str, peer: Peer | None) -> None:
+        self._text_number = self._text_number % 65_535 + 1
+        self._send_all(messages.texts(text, self._text_number), peer)
+
+    def _answer_all(self, answers: Iterable[Ask | Answer]) -> None:
+        for answer in answers:
+            if isinstance(answer, Ask):
+                self._asks.append(answer)
+                continue
+            if answer.message is not None:
+                self._send(answer.message, answer.client.peer)
+            if answer.why:
+                self._say(answer.why, answer.client.peer)
+
+    def _send(self, message: Message, peer: Peer | None) -> None:
+        self._out.append(Out(message, peer))
+
+    def _send_all(self, several: Iterable[Message], peer: Peer | None) -> None:
+        self._out += [Out(message, peer) for message in several]
+
+    def _take(self) -> list[Out | Ask]:
+        taken: list[Out | Ask] = [*self._out, *self._asks]
+        self._out, self._asks = [], []
+        return taken
