@@ -58,7 +58,7 @@ class Peer:
             self._sender: Any = transceiver.sender
             # A receiver that lost a picture asks for a key frame; aiortc would ask the encoder it does not have here.
             self._sender._send_keyframe = self._track.stream.want_key
-            await connection.setRemoteDescription(RTCSessionDescription(offer_sdp, "offer"))
+            await connection.setRemoteDescription(RTCSessionDescription(_without_hidden(offer_sdp), "offer"))
             await connection.setLocalDescription(await connection.createAnswer())
         except Exception as error:  # noqa: BLE001 - a stranger's text has been through aiortc's parser
             await self.close()
@@ -103,6 +103,15 @@ class Peer:
         channel = self._channel
         if channel is not None and channel.readyState == "open" and channel.bufferedAmount < _MOST_UNSENT_BYTES:
             channel.send(json.dumps(list(self._told)))
+
+
+def _without_hidden(offer_sdp: str) -> str:
+    """Without the candidates whose address the browser hides behind a name of multicast DNS.
+
+    Each is looked up for a second, most often in vain; the browser finds us at our addresses instead.
+    """
+    lines = offer_sdp.splitlines(keepends=True)
+    return "".join(line for line in lines if not (line.startswith("a=candidate:") and ".local " in line))
 
 
 class _Track(MediaStreamTrack):  # type: ignore[misc]

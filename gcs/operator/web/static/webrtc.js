@@ -6,8 +6,9 @@ const KEPT = 300;
 let current = null;
 
 /**
- * Play into the <video>. onframe(seq): this frame is presented now; pictures whose number is not known are left out.
- * onend(why): it has ended by itself. Throws an Error with the reason where it cannot be had.
+ * Play into the <video>. onframe(seq, image): this frame is presented now, and this is what to draw of it, until the
+ * next; pictures whose number is not known are left out. onend(why): it has ended by itself. Throws an Error with the
+ * reason where it cannot be had.
  */
 export async function start(video, onframe, onend = () => {}) {
   stop();
@@ -81,14 +82,27 @@ function learn(numbers, pairs) {
 }
 
 function follow(video, isOn, numbers, onframe, end) {
-  let unknown = 0;
+  let unknown = 0, last = null;
   const presented = (_, metadata) => {
     if (!isOn()) return;
     video.requestVideoFrameCallback(presented);
-    const seq = numbers.get(metadata.rtpTimestamp);
+    const picture = pictureOf(video);
+    const seq = numbers.get(picture === null ? metadata.rtpTimestamp : picture.metadata().rtpTimestamp);
     unknown = seq === undefined ? unknown + 1 : 0;
+    if (seq !== undefined) onframe(seq, picture ?? video);
+    last?.close();
+    last = picture;
     if (unknown > UNKNOWN_FRAMES) end("its pictures come without their numbers");
-    else if (seq !== undefined) onframe(seq);
   };
   video.requestVideoFrameCallback(presented);
+}
+
+/** The picture that the <video> shows at this moment, which on a busy machine may be one after that of the callback;
+ * null where the browser gives none that knows its RTP timestamp. */
+function pictureOf(video) {
+  if (globalThis.VideoFrame?.prototype.metadata === undefined) return null;
+  const picture = new VideoFrame(video);
+  if (picture.metadata().rtpTimestamp !== undefined) return picture;
+  picture.close();
+  return null;
 }
