@@ -119,12 +119,14 @@ Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
 class FlightLog:
     """Of one flight folder, or of a flight broken off at any moment. Raises ReplayError where there is none.
 
-    dropped: messages that the station could not write in time. damaged: lines that cannot be read.
+    dropped: messages that the station could not write in time. damaged: lines that cannot be read. is_cut: in the
+    middle of its last line, as a program leaves it that was ended by force.
     """
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / MESSAGES
         self.dropped = self.damaged = 0
+        self.is_cut = False
         self._times_s, self._offsets = array("d"), array("q")
         self._decoder = msgspec.json.Decoder(_Line)
         self._decoders = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
@@ -143,7 +145,10 @@ class FlightLog:
                 try:
                     head = decode(line)
                 except (msgspec.DecodeError, UnicodeDecodeError):
-                    self.damaged += line.endswith(b"\n")  # a last line cut off is how a flight breaks off
+                    if line.endswith(b"\n"):
+                        self.damaged += 1
+                    else:
+                        self.is_cut = True
                 else:
                     self.dropped += max(head.n - written, 0)
                     written = head.n + 1
