@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +14,7 @@ import msgspec
 from tqdm import tqdm
 
 from control.camera import CameraModel
+from gcs.cli_operator import with_operator_arguments
 from gcs.config import load
 from gcs.dryrun import Options, run
 from gcs.dryrun_output import Summary
@@ -28,12 +30,27 @@ class UsageError(GcsError):
 def main(args: argparse.Namespace) -> int:
     """Run, print, and fail if the video broke on the way."""
     options = options_of(args)
+    if args.page:
+        return _in_page(options, args)
     with Bar() as bar:
         summary = run(options, progress=bar.update)
     show(summary, as_json=args.json)
     if summary.problem is not None:
         raise VideoError(summary.problem)
     return EXIT_INTERRUPTED if summary.interrupted else 0
+
+
+def _in_page(options: Options, args: argparse.Namespace) -> int:
+    from gcs import dryrun_page  # the page's parts are for this alone
+
+    if args.select:
+        raise UsageError("--select opens a window of its own: with --page draw the box in the page")
+    out = sys.stderr if args.json else sys.stdout
+    options = replace(options, config=with_operator_arguments(options.config, args))
+    summary = dryrun_page.run(options, lambda text: print(one_line(text), file=out, flush=True))
+    if summary is not None and args.json:
+        show(summary, as_json=True)
+    return 0
 
 
 def options_of(args: argparse.Namespace) -> Options:
