@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
 
 from gcs.errors import GcsError
@@ -20,16 +19,11 @@ _MOST_OFFER_BYTES: Final = 64 * 1024
 _BITRATE_KBPS: Final = 2500
 
 
-def is_installed() -> bool:
-    """Whether `pip install climrt-gcs[webrtc]` was done."""
-    return find_spec("aiortc") is not None and find_spec("av") is not None
-
-
 class Peers:
-    """Of one station. Pictures are raw: browsers draw box and state themselves, from the frame's number."""
+    """Of one station; needs aiortc. Pictures are raw: browsers draw box and state, from the frame's number."""
 
     def __init__(self, station: Station) -> None:
-        self._station = station
+        self.station = station
         self._stream: LiveStream | None = None
         self._peers: set[Peer] = set()
         self._one_by_one = asyncio.Lock()
@@ -41,8 +35,6 @@ class Peers:
 
     async def answer(self, offer_sdp: str) -> str:
         """The answer to a browser's offer; GcsError with the reason where it cannot be served."""
-        if not is_installed():
-            raise GcsError("WebRTC needs aiortc: pip install climrt-gcs[webrtc]")
         if len(offer_sdp) > _MOST_OFFER_BYTES:
             raise GcsError("an offer of more than 64 kB")
         async with self._one_by_one:
@@ -50,7 +42,7 @@ class Peers:
                 raise GcsError(f"{_MOST_PEERS} browsers take WebRTC already")
             module = await _loaded()
             if self._stream is None:
-                self._stream = LiveStream(self._station, _BITRATE_KBPS, annotated=False)
+                self._stream = LiveStream(self.station, _BITRATE_KBPS, annotated=False)
             peer = module.Peer(self._stream, self._peers.discard)
             self._peers.add(peer)
             return str(await peer.answer(offer_sdp))

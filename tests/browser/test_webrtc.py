@@ -29,6 +29,7 @@ async ({count, bits, left, top, side}) => {
     const shown = (seq, image) => {
       [canvas.width, canvas.height] = [video.videoWidth, video.videoHeight];
       pen.drawImage(image, 0, 0);
+      image.close?.();
       let number = 0;
       for (let bit = 0; bit < bits; bit++) {
         const at = pen.getImageData(left + bit * side + side / 2, top + side / 2, 1, 1).data;
@@ -118,3 +119,14 @@ async def test_what_cannot_be_served_is_said(browser, served):
       return start(document.getElementById("video"), () => {}).then(() => "", (error) => error.message); }"""
     assert await page.evaluate(asked) == "no room"
     await page.context.close()
+
+
+async def test_the_page_shows_it_and_takes_the_numbers_for_its_overlay(desk):
+    page = await desk.open()
+    await page.keyboard.press("v")
+    await page.wait_for_selector("#webrtc[aria-pressed=true]", state="attached")
+    await page.wait_for_function(
+        """() => new Promise((resolve) => { const at = document.getElementById("picture").dataset.frame;
+        const video = document.getElementById("live");
+        setTimeout(() => resolve(video.videoWidth === 640 && document.getElementById("picture").dataset.frame > at), 500); })"""
+    )

@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Final
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Final
 
-from gcs.operator.station import Station
-from gcs.video_out.peers import Peers, is_installed
+from gcs.errors import GcsError
 
-__all__ = ["answer", "close_all", "is_installed"]
+if TYPE_CHECKING:
+    from gcs.operator.station import Station
+    from gcs.video_out.peers import Peers
 
-_PEERS: Final[dict[int, tuple[Station, Peers]]] = {}
+_PEERS: Final[list[Peers]] = []  # one for each station that was asked for
+
+
+def is_installed() -> bool:
+    """Whether `pip install climrt-gcs[webrtc]` was done."""
+    return find_spec("aiortc") is not None and find_spec("av") is not None
 
 
 async def answer(station: Station, offer_sdp: str) -> str:
     """The SDP answer; GcsError with the reason where there is none."""
-    _, peers = _PEERS.setdefault(id(station), (station, Peers(station)))
+    if not is_installed():
+        raise GcsError("WebRTC needs aiortc: pip install climrt-gcs[webrtc]")
+    from gcs.video_out.peers import Peers  # brings OpenCV: the page starts without
+
+    peers = next((each for each in _PEERS if each.station is station), None)
+    if peers is None:
+        peers = Peers(station)
+        _PEERS.append(peers)
     return await peers.answer(offer_sdp)
 
 
 async def close_all() -> None:
     """End every connection, of every station."""
     while _PEERS:
-        _, (_, peers) = _PEERS.popitem()
-        await peers.close_all()
+        await _PEERS.pop().close_all()

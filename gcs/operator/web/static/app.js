@@ -129,12 +129,13 @@ function changed(isOpen) {
 function show(picture) {
   const old = page.shown?.image;
   page.shown = picture;
-  if (old instanceof ImageBitmap) old.close();
+  old?.close?.(); // an ImageBitmap or a VideoFrame
   redraw();
 }
 
-function liveShown(seq, video) {
-  show({ seq, image: video, width: video.videoWidth, height: video.videoHeight, frame: pictures.nearest(seq) });
+function liveShown(seq, image) {
+  const width = image.displayWidth ?? image.videoWidth, height = image.displayHeight ?? image.videoHeight;
+  show({ seq, image, width, height, frame: pictures.nearest(seq) });
 }
 
 // -- what is shown ------------------------------------------------------------------------------------------
@@ -174,7 +175,7 @@ function refresh() {
   if (link.refused && isLost) notice("NO LONGER LET IN", "The station was started anew: open the link that it printed.");
   else if (isLost && welcome) {
     banner("alarm", "CONNECTION LOST", `${age_s} s · last: ${status?.headline ?? "nothing"}`);
-    notice("CONNECTION LOST", `What you see is ${age_s} s old. ABORT is still tried.`, true);
+    notice("CONNECTION LOST", `What you see is ${age_s} s old. ABORT is sent another way.`, true);
   } else if (isLost) notice("Connecting", link.reason || "to the station", true);
   else if (!welcome) notice("Starting", page.starting, true);
   else if (!page.shown) notice("No picture yet", "", true);

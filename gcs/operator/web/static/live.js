@@ -4,7 +4,7 @@ import { by, say } from "./panels.js";
 
 const FIRST_MS = 8000;
 
-/** shown(seq, video) for each presented frame. Returns toggle() and stop(). */
+/** shown(seq, image) for each presented frame. Returns toggle() and stop(). */
 export function webrtc({ link, isOffered, shown }) {
   const video = by("live");
   let module = null, turn = 0;
@@ -28,13 +28,13 @@ export function webrtc({ link, isOffered, shown }) {
       module = await import("./webrtc.js");
       by("webrtc").setAttribute("aria-pressed", "true");
       timer = setTimeout(() => mine === turn && fail("no picture came"), FIRST_MS);
-      await module.start(video, (seq) => {
-        if (mine !== turn) return;
+      await module.start(video, (seq, image) => {
+        if (mine !== turn) return image.close?.();
         if (timer !== null) link.tell({ do: "pictures", on: false }); // only now: nothing goes dark in between
         clearTimeout(timer);
         timer = null;
-        shown(seq, video);
-      });
+        shown(seq, image);
+      }, (why) => mine === turn && fail(why));
     } catch (error) {
       clearTimeout(timer);
       if (mine === turn) fail(error.message);

@@ -6,9 +6,9 @@ const KEPT = 300;
 let current = null;
 
 /**
- * Play into the <video>. onframe(seq, image): this frame is presented now, and this is what to draw of it, until the
- * next; pictures whose number is not known are left out. onend(why): it has ended by itself. Throws an Error with the
- * reason where it cannot be had.
+ * Play into the <video>. onframe(seq, image): this frame is presented now, and this is what to draw of it: a VideoFrame,
+ * which the receiver closes, or the <video>. Pictures whose number is not known are left out. onend(why): it has ended
+ * by itself. Throws an Error with the reason where it cannot be had.
  */
 export async function start(video, onframe, onend = () => {}) {
   stop();
@@ -82,16 +82,15 @@ function learn(numbers, pairs) {
 }
 
 function follow(video, isOn, numbers, onframe, end) {
-  let unknown = 0, last = null;
+  let unknown = 0;
   const presented = (_, metadata) => {
     if (!isOn()) return;
     video.requestVideoFrameCallback(presented);
     const picture = pictureOf(video);
     const seq = numbers.get(picture === null ? metadata.rtpTimestamp : picture.metadata().rtpTimestamp);
     unknown = seq === undefined ? unknown + 1 : 0;
-    if (seq !== undefined) onframe(seq, picture ?? video);
-    last?.close();
-    last = picture;
+    if (seq === undefined) picture?.close();
+    else onframe(seq, picture ?? video);
     if (unknown > UNKNOWN_FRAMES) end("its pictures come without their numbers");
   };
   video.requestVideoFrameCallback(presented);
