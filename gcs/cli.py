@@ -111,7 +111,8 @@ class _Version(argparse.Action):
             text = version("climrt-gcs")
         except PackageNotFoundError:
             text = "(not installed)"
-        parser.exit(0, f"gcs {text}\n")
+        print(f"gcs {text}")
+        parser.exit()
 
 
 def _load(name: str) -> Callable[[argparse.Namespace], int]:

@@ -44,7 +44,9 @@ def script(shell: str) -> str:
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
+            for choice in action._choices_actions:
+                command = action.choices[choice.dest]
+                command.description = choice.help  # the short one is shown beside its name
                 yield from _actions(command)
         elif action.nargs != 0:
             yield action

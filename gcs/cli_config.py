@@ -14,9 +14,9 @@ from typing import Final
 
 from gcs.cli_operator import with_operator_arguments
 from gcs.cli_vehicle import with_arguments
-from gcs.config import Config, load, load_with_origins
+from gcs.config import Config, load_with_origins
 from gcs.config_example import render
-from gcs.config_explain import DEFAULT, Explained, chosen, explain, in_words, is_of, shown
+from gcs.config_explain import DEFAULT, Explained, chosen, explain, in_words, is_of, keys, shown
 from gcs.errors import ConfigError
 from gcs.profiles import profile_names, profile_path, profile_text
 
@@ -28,21 +28,16 @@ def main(args: argparse.Namespace) -> int:
     """Print, check or explain."""
     if args.profiles:
         return _profiles(args.words)
-    written = load_with_origins(None, args.profile)
-    rows = explain(written.value, written.value, written.origins)
-    file, keys = _sort(args.words, [row.key for row in rows])
+    file, wanted = _sort(args.words, keys())
+    written = load_with_origins(file, args.profile)
+    config = with_all_arguments(written.value, args)
     if args.explain or args.changed:
-        written = load_with_origins(file, args.profile)
-        rows = explain(with_all_arguments(written.value, args), written.value, written.origins)
-        rows = chosen(rows, keys)
+        rows = chosen(explain(config, written.value, written.origins), wanted)
         _show([row for row in rows if row.is_changed or not args.changed], as_json=args.json)
-    elif keys:
-        raise ConfigError(f"{keys[0]}: a key is shown by `gcs config --explain {keys[0]}`")
-    elif file is not None:
-        load(file, args.profile)
-        print(f"{file}: good")
+    elif wanted:
+        raise ConfigError(f"{wanted[0]}: a key is shown by `gcs config --explain {wanted[0]}`")
     else:
-        print(render(with_all_arguments(written.value, args)), end="")
+        print(f"{file}: good" if file is not None else render(config), end="\n" if file is not None else "")
     return 0
 
 
@@ -66,16 +61,16 @@ def _profiles(names: Sequence[str]) -> int:
 def _sort(words: Sequence[str], known: Sequence[str]) -> tuple[str | None, list[str]]:
     """The file and the keys among them; ConfigError for what is neither."""
     files = [word for word in words if _is_file(word, known)]
-    keys = [word for word in words if word not in files]
+    wanted = [word for word in words if word not in files]
     if len(files) > 1:
         raise ConfigError(f"{files[1]}: only one file at a time, {files[0]} was given before it")
-    for key in keys:
-        if not any(is_of(each, key) for each in known):
-            parts = {each.rsplit(".", depth)[0] for each in known for depth in range(3)} | set(known)
-            close = difflib.get_close_matches(key, sorted(parts), n=1)
+    for word in wanted:
+        if not any(is_of(key, word) for key in known):
+            parts = {key.rsplit(".", depth)[0] for key in known for depth in range(3)} | set(known)
+            close = difflib.get_close_matches(word, sorted(parts), n=1)
             hint = f" (did you mean {close[0]}?)" if close else ""
-            raise ConfigError(f"{key}: neither a file nor a key of the configuration{hint}")
-    return (files[0] if files else None), keys
+            raise ConfigError(f"{word}: neither a file nor a key of the configuration{hint}")
+    return (files[0] if files else None), wanted
 
 
 def _is_file(word: str, known: Sequence[str]) -> bool:

@@ -45,7 +45,7 @@ def add_command(
     p = commands.add_parser(
         name,
         help=text,
-        description=f"{text[0].upper()}{text[1:]}. {more}".strip(),
+        description=f"{text[0].upper()}{text[1:]}{'' if text.endswith('?') else '.'} {more}".strip(),
         epilog=f"{_EXAMPLES}{shown}" if examples else None,
         formatter_class=_Formatter,
         parents=[debug_option()],

@@ -28,7 +28,7 @@ def _add_config(commands: Commands) -> None:
         examples=(
             "gcs config > my.yaml",
             "gcs config my.yaml",
-            "gcs config --explain my.yaml --profile radio vehicle control.follow",
+            "gcs config --explain --profile radio my.yaml vehicle control.follow",
             "gcs config --explain --changed --profile sim --port 9000",
         ),
     )  # fmt: skip

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
 from enum import Enum
+from functools import cache
 from typing import Any, Final, get_args, get_type_hints
 
 from gcs.config import Config
@@ -53,6 +54,8 @@ class Explained:
 def explain(config: Config, written: Config, origins: Mapping[str, Origin]) -> list[Explained]:
     """All values, in order. written: as the files of `origins` say; what differs in `config` is the command line's."""
     rows = []
+    hints = cache(get_type_hints)
+    comments = cache(_comments)
     for (key, field, kind, value), (_, _, _, before), (_, _, _, default) in zip(
         _leaves(config), _leaves(written), _leaves(Config()), strict=True
     ):
@@ -62,9 +65,15 @@ def explain(config: Config, written: Config, origins: Mapping[str, Origin]) -> l
             value = "(secret)"
         low, high = field.metadata.get("low"), field.metadata.get("high")
         unit = next((unit for end, unit in _UNITS.items() if field.name.endswith(end)), "")
-        meaning, choices = _meaning(kind, field.name), _choices(get_type_hints(kind)[field.name])
+        meaning = _said(kind, field.name) or comments(kind).get(field.name, "")
+        choices = _choices(hints(kind)[field.name])
         rows.append(Explained(key, _plain(value), _plain(default), unit, low, high, choices, source, meaning))
     return rows
+
+
+def keys() -> list[str]:
+    """All there are."""
+    return [key for key, _, _, _ in _leaves(Config())]
 
 
 def chosen(rows: Sequence[Explained], keys: Sequence[str]) -> list[Explained]:
@@ -128,19 +137,18 @@ def _place(origin: Origin) -> str:
     return f"{origin.path if profile is None else f'profile {profile}'}:{origin.line}"
 
 
-def _meaning(kind: type, name: str) -> str:
-    """What the class's docstring says after `name:`, or the comment behind the field."""
-    said = " ".join((kind.__doc__ or "").split())
+def _said(kind: type, name: str) -> str:
+    """What the class's docstring says after `name:`."""
+    text = " ".join((kind.__doc__ or "").split())
     names = "|".join(field.name for field in fields(kind))
-    found = re.search(rf"\b{name}: (.*?)(?=\s\b(?:{names})\b[^.:;]{{0,20}}:\s|$)", said)
-    if found:
-        return re.sub(r"\s*ValueError[^.]*\.", "", found.group(1)).strip(" .;,")
-    comment = re.search(rf"^    {name}: .*?  # (.*)$", _source(kind), re.MULTILINE)
-    return comment.group(1) if comment else ""
+    found = re.search(rf"\b{name}: (.*?)(?=\s\b(?:{names})\b[^.:;]{{0,20}}:\s|$)", text)
+    return re.sub(r"\s*ValueError[^.]*\.", "", found.group(1)).strip(" .;,") if found else ""
 
 
-def _source(kind: type) -> str:
+def _comments(kind: type) -> dict[str, str]:
+    """What stands behind each field in its source; nothing where that is not installed."""
     try:
-        return inspect.getsource(kind)
-    except OSError:  # installed without its source
-        return ""
+        source = inspect.getsource(kind)
+    except OSError:
+        return {}
+    return dict(re.findall(r"^    (\w+): .*?  # (.*)$", source, re.MULTILINE))
