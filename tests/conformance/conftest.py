@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from tests.gcs.fake_station import FakeStation
 from tests.gcs.wire_peer import free_port
 
 SYSTEM_ID = 7
+slow = pytest.mark.skipif("CONFORMANCE_ALL" not in os.environ, reason="CONFORMANCE_ALL=1 runs what takes seconds")
 
 
 @dataclass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 from dataclasses import replace
 
@@ -14,9 +13,7 @@ from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, Select
 from tests.conformance import checks
 from tests.conformance.checks import BOX, NotApplicableError, read_parameters, selected, set_parameter
 from tests.conformance.client import ACCEPTED, DENIED, REJECTED, Client, value_bytes
-from tests.conformance.conftest import SYSTEM_ID, running_camera
-
-slow = pytest.mark.skipif("CONFORMANCE_ALL" not in os.environ, reason="CONFORMANCE_ALL=1 runs what takes seconds")
+from tests.conformance.conftest import SYSTEM_ID, running_camera, slow
 
 
 @pytest.mark.parametrize("check", checks.CHECKS, ids=lambda check: check.__name__)

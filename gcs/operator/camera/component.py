@@ -182,6 +182,9 @@ class CameraComponent:
         self._ack(command, Result.DENIED if made is None else Result.ACCEPTED)
         if made is not None:
             self._send(made, command.client.peer)
+        if made is not None and message_id == messages.STREAM_STATUS and command.number == commands.REQUEST_MESSAGE:
+            # MAVSDK asks for the status alone, and learns the address only if it comes unasked.
+            self._send_all(filter(None, [self._stream(now_s)]), command.client.peer)
 
     def _set_interval(self, command: Command, now_s: float) -> None:
         message_id = command.whole(1)

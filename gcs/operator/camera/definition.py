@@ -50,7 +50,8 @@ def _add(listed: ElementTree.Element, parameter: Parameter) -> None:
     if parameter.kind is Kind.REAL32:
         attributes["decimalPlaces"] = "1"
     if parameter.high:
-        attributes |= {"min": "0", "max": f"{parameter.high:g}", "step": "1"}
+        low = min(parameter.low, 0.0)  # 0 is allowed besides, and the default
+        attributes |= {"min": f"{low:g}", "max": f"{parameter.high:g}", "step": "1"}
     if parameter.unit:
         attributes["unit"] = parameter.unit
     element = ElementTree.SubElement(listed, "parameter", attributes)

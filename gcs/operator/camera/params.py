@@ -90,8 +90,8 @@ def parameters(setup: CameraSetup) -> tuple[Parameter, ...]:
             high=high_m,
             unit="m",
         ),
-        Parameter(HEIGHT, Kind.REAL32, "Height above home", unit="m"),
-        Parameter(SPEED, Kind.REAL32, "Ground speed", unit="m/s"),
+        Parameter(HEIGHT, Kind.REAL32, "Height above home", low=-1000.0, high=10_000.0, unit="m"),
+        Parameter(SPEED, Kind.REAL32, "Ground speed", high=200.0, unit="m/s"),
     )
     if not setup.may_follow:
         return shown
