@@ -22,6 +22,7 @@ from gcs.video.catch_up import CATCH_UP_S, next_frame
 from gcs.video.flow import BackgroundFlow
 from gcs.video.frame import Image
 from gcs.video.history import FrameHistory
+from gcs.video.live import LiveSource
 from tracker.box import Box, TrackResult
 
 _READ_S = 0.2
@@ -220,6 +221,11 @@ class Vision:
         number = asked.number if asked is not None else self._tracking
         self._tracking = 0
         return Seen(frame, number, None, self._clock.now_s(), problem=problem)
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with a live video now, in one line for the operator; empty when nothing is."""
+        return self._source.trouble if isinstance(self._source, LiveSource) else ""
 
     def start(self) -> None:
         """Begin reading."""

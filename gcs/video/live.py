@@ -11,8 +11,10 @@ from gcs.errors import VideoError
 from gcs.video.frame import Decoded, Decoder, Frame, check_size
 
 FIRST_BACKOFF_S = 0.25
-MAX_BACKOFF_S = 5.0
-CLOSE_WAIT_S = 6.0  # a blocked read gives up after OPEN_TIMEOUT_S
+MAX_BACKOFF_S = 2.0  # longer, and a drone that is back must wait; nobody is hurt by a try every two seconds
+CLOSE_WAIT_S = 1.5  # a blocked read ends by itself after OPEN_TIMEOUT_S, and nobody need wait for it
+QUIET_S = 1.0
+BEHIND_S = 0.3
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +24,7 @@ class LiveSource:
 
     glass_delay_s: from light on the sensor to arrival of the encoded picture, subtracted to get the capture time.
     reconnect: after the stream breaks, try again for ever with growing pauses; else the source has `ended`.
+    Pictures of another size than the first are left out: the camera model and the tracked target belong to one size.
     Raises VideoError when there is no frame to begin with.
     """
 
@@ -47,6 +50,9 @@ class LiveSource:
         self._slot: Frame | None = None
         self._next_seq = 0
         self._ended = False
+        self._broken = False  # no connection; `problem` says why
+        self._other_size: tuple[int, int] | None = None
+        self._last: Frame | None = None
         self.problem: str | None = None
         self.reconnects = 0
         decoder = open_decoder()
@@ -62,6 +68,26 @@ class LiveSource:
         """No frame will ever come again; one already here can still be read."""
         with self._changed:
             return self._ended and self._slot is None
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the video now, in one line for the operator; empty when nothing is."""
+        last, other = self._last, self._other_size
+        if self._stop.is_set() or last is None:
+            return ""
+        if self._broken:
+            return f"{self.problem or f'{self.name}: the stream has ended'}" + "; trying again" * self._reconnect
+        if other is not None:
+            return (
+                f"{self.name}: the picture is now {other[0]}x{other[1]} px, but was {self.size[0]}x{self.size[1]}: "
+                "set the camera back, or start anew with this size"
+            )
+        silent_s = self._clock() - last.t_arrival_s - last.decode_s
+        if silent_s > QUIET_S:
+            return f"{self.name}: no picture for {silent_s:.0f} s"
+        if last.decode_s > BEHIND_S:
+            return f"{self.name}: decoding is {last.decode_s:.1f} s behind: send a smaller picture, or fewer of them"
+        return ""
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
         with self._changed:
@@ -89,14 +115,20 @@ class LiveSource:
 
     def _run(self, decoder: Decoder) -> None:
         current: Decoder | None = decoder
+        backoff_s = FIRST_BACKOFF_S
         while current is not None:
+            seq = self._next_seq
             try:
                 self._pump(current)
+                self.problem = None
             except VideoError as error:
                 self.problem = str(error)
             finally:
+                self._broken = True
                 current.close()
-            current = self._reopen()
+            if self._next_seq > seq:
+                backoff_s = FIRST_BACKOFF_S
+            current, backoff_s = self._reopen(backoff_s)
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -107,31 +139,31 @@ class LiveSource:
             decoded = decoder.read()
             if decoded is None:
                 return
-            check_size(self.name, decoded.image_bgr.shape[1], decoded.image_bgr.shape[0])
-            if (decoded.image_bgr.shape[1], decoded.image_bgr.shape[0]) != self.size:
-                # The camera model and the tracker's template belong to one picture size.
-                raise VideoError(f"{self.name}: the picture size changed")
-            self._publish(decoded)
+            size = (decoded.image_bgr.shape[1], decoded.image_bgr.shape[0])
+            check_size(self.name, *size)
+            self._broken = False
+            self._other_size = None if size == self.size else size
+            if size == self.size:
+                self._publish(decoded)
 
     def _publish(self, decoded: Decoded) -> None:
         arrival_s = self._clock() - decoded.decode_s
         frame = Frame(self._next_seq, decoded.image_bgr, arrival_s - self._glass_delay_s, arrival_s, decoded.decode_s)
         self._next_seq += 1
         with self._changed:
-            self._slot = frame
+            self._slot = self._last = frame
             self._changed.notify_all()
 
-    def _reopen(self) -> Decoder | None:
-        """A new decoder, trying with growing pauses; None once closed or when we shall not reconnect."""
-        backoff_s = FIRST_BACKOFF_S
+    def _reopen(self, backoff_s: float) -> tuple[Decoder | None, float]:
+        """A new decoder and the next pause, growing as long as no picture comes; None once nobody wants one."""
         while self._reconnect and not self._stop.wait(backoff_s):
+            backoff_s = min(2 * backoff_s, MAX_BACKOFF_S)
             try:
                 decoder = self._open_decoder()
             except VideoError as error:
                 self.problem = str(error)
                 log.warning("video: %s; trying again", error)
-                backoff_s = min(2 * backoff_s, MAX_BACKOFF_S)
                 continue
             self.reconnects += 1
-            return decoder
-        return None
+            return decoder, backoff_s
+        return None, backoff_s

@@ -11,8 +11,9 @@ from gcs.video import pyav
 from gcs.video.frame import Decoder, VideoSource, redact
 from gcs.video.live import LiveSource
 from gcs.video.mjpeg import MjpegDecoder, NotMjpegError
-from gcs.video.opencv import CvDecoder
+from gcs.video.opencv import CvDecoder, camera_of
 from gcs.video.recorded import FolderDecoder, RecordedSource
+from gcs.video.rtp import is_sdp
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "udp", "rtp", "tcp", "srt", "http", "https"})
 
@@ -20,19 +21,23 @@ STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "udp", "rtp", "tcp", "srt",
 def open_source(
     address: str, *, glass_delay_s: float = 0.0, fps: float | None = None, reconnect: bool = True
 ) -> VideoSource:
-    """Open a file, an image folder, a stream (rtsp, rtmp, udp, rtp, tcp, srt, http) or `camera:N`.
+    """Open a file, an image folder, a stream (rtsp, rtmp, udp, rtp, tcp, srt, http, an .sdp file) or `camera:N`.
 
+    Options in the address: camera:0?width=1280&height=720&fps=30&format=MJPG, rtsp://...?transport=udp,
+    rtp://HOST:PORT?codec=h265&payload=97.
     glass_delay_s, reconnect: live sources only. fps: rate of an image folder (30 if not said).
     Raises VideoError with one line that says what is wrong.
     """
-    camera = re.fullmatch(r"camera:(\d{1,3})|/dev/video(\d{1,3})", address)
+    camera = camera_of(address)
     scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]*)://", address)
-    if camera is None and scheme is None:
+    if camera is None and scheme is None and not is_sdp(address):
         return _open_recorded(Path(address), fps)
     if camera is not None:
-        index = int(camera.group(1) or camera.group(2))
-        opener: Callable[[], Decoder] = lambda: CvDecoder(index, live=True)  # noqa: E731
-    elif scheme is not None and scheme.group(1).lower() in STREAM_SCHEMES:
+        opener: Callable[[], Decoder] = lambda: CvDecoder(camera, live=True)  # noqa: E731
+    elif scheme is None:
+        _check_file(Path(address))
+        opener = lambda: _open_stream(address)  # noqa: E731
+    elif scheme.group(1).lower() in STREAM_SCHEMES:
         opener = lambda: _open_stream(address)  # noqa: E731
     else:
         known = ", ".join(sorted(STREAM_SCHEMES))
@@ -41,9 +46,23 @@ def open_source(
 
 
 def _open_recorded(path: Path, fps: float | None) -> VideoSource:
+    if path.is_dir():
+        return RecordedSource(str(path), FolderDecoder(path, fps))
+    _check_file(path)
     try:
-        if path.is_dir():
-            return RecordedSource(str(path), FolderDecoder(path, fps))
+        return RecordedSource(str(path), CvDecoder(str(path), live=False))
+    except VideoError as error:
+        if not pyav.is_installed():
+            raise
+        try:
+            return RecordedSource(str(path), pyav.AvDecoder(str(path), live=False))
+        except VideoError as said:
+            raise said if "holds no video" in str(said) else error from None
+
+
+def _check_file(path: Path) -> None:
+    """Raise VideoError unless there is something in it to read."""
+    try:
         if not path.exists():
             raise VideoError(f"{path}: no such file")
         if path.stat().st_size == 0:
@@ -52,15 +71,6 @@ def _open_recorded(path: Path, fps: float | None) -> VideoSource:
             pass
     except OSError as error:
         raise VideoError(f"{path}: {(error.strerror or str(error)).lower()}") from error
-    try:
-        return RecordedSource(str(path), CvDecoder(str(path), live=False))
-    except VideoError as error:
-        if not pyav.is_installed():
-            raise
-        try:
-            return RecordedSource(str(path), pyav.AvDecoder(str(path), live=False))
-        except VideoError:
-            raise error from None
 
 
 def _open_stream(url: str) -> Decoder:

@@ -1,25 +1,38 @@
-"""PyAV's reader, an optional extra: one frame less of delay on streams, and it says why something failed."""
+"""PyAV's reader, an optional extra: least delay on streams, exact arrival times, and it says why something failed."""
 
 from __future__ import annotations
 
 import time
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from gcs.errors import VideoError
 from gcs.video.frame import OPEN_TIMEOUT_S, Decoded, check_size, nominal_fps, redact
+from gcs.video.packets import PacketQueue
+from gcs.video.rtp import PROTOCOLS, as_opened, is_packet_stream, rtsp_transport
 
-# Joining a stream between two key frames, the decoder refuses everything up to the next one.
-MAX_BAD_PACKETS = 300
-LIVE_OPTIONS = {
+# Joining a stream between two key frames, the decoder refuses everything up to the next one; some cameras send one
+# in ten seconds.
+FIRST_PICTURE_S: Final = 15.0
+MAX_BAD_PACKETS: Final = 300
+LIVE_OPTIONS: Final = {
     "rtsp_transport": "tcp",
-    "fflags": "nobuffer",
     "flags": "low_delay",
-    "probesize": "200000",
-    "analyzeduration": "500000",
+    # FFmpeg would hold back up to a second of a stream while it guesses rate and format. What it reads to find the
+    # format it keeps (no `nobuffer`), so that the key frame in it is not lost.
+    "fpsprobesize": "0",
+    "analyzeduration": "1",
+    "probesize": "5000",
+    "overrun_nonfatal": "1",
+    "protocol_whitelist": PROTOCOLS,
 }
+# Of a packet stream FFmpeg's parser gives a picture only when the next one has begun. An H.264 decoder that takes
+# slices as they come (`chunks`) needs no parser, and gives the picture with its last slice.
+PACKET_OPTIONS: Final = {"fflags": "+noparse+nofillin"}
+_IN_SLICES: Final = frozenset({"h264"})
+_IN_PICTURES: Final = frozenset({"mjpeg", "vp8", "vp9", "av1", "rawvideo"})
 
 
 def is_installed() -> bool:
@@ -28,7 +41,11 @@ def is_installed() -> bool:
 
 
 class AvDecoder:
-    """One PyAV container, single-threaded decoding (frame threads cost a frame of delay each)."""
+    """One PyAV container, single-threaded decoding (frame threads cost a frame of delay each).
+
+    Live: a thread of its own takes packets as they come, so arrival times are true and nothing queues in the network;
+    of what has piled up while a picture was decoded, only the newest is given.
+    """
 
     def __init__(self, address: str, *, live: bool) -> None:
         import av  # an optional package: the module must import without it
@@ -36,10 +53,12 @@ class AvDecoder:
         self._av: Any = av
         self._name = redact(address)
         av.logging.set_libav_level(av.logging.PANIC)  # its reasons come as exceptions, not on the screen
+        options = {**LIVE_OPTIONS, **rtsp_transport(address)} if live else {}
+        if live and is_packet_stream(address):
+            options |= PACKET_OPTIONS
         try:
-            self._container: Any = av.open(
-                address, options=LIVE_OPTIONS if live else {}, timeout=(OPEN_TIMEOUT_S, OPEN_TIMEOUT_S)
-            )
+            with as_opened(address) as opened:
+                self._container: Any = av.open(opened, options=options, timeout=(OPEN_TIMEOUT_S, OPEN_TIMEOUT_S))
         except (av.FFmpegError, OSError, ValueError) as error:
             raise VideoError(f"{self._name}: {_reason(error)}") from error
         try:
@@ -47,55 +66,102 @@ class AvDecoder:
         except VideoError:
             self._container.close()
             raise
-        self._stream.codec_context.thread_count = 1
+        self._context: Any = self._stream.codec_context
+        self._context.thread_count = 1
+        codec = self._context.name
+        self._parsed = not live or not options.get("fflags") or codec in _IN_SLICES | _IN_PICTURES
+        if live and self._parsed and codec in _IN_SLICES:
+            self._context.flags2 |= int(av.codec.context.Flags2.chunks)
+        self._time_base = self._stream.time_base
+        self._fps = nominal_fps(float(self._stream.average_rate or 0.0))
         self._packets = iter(self._container.demux(self._stream))
+        self._queue = PacketQueue(self._packets, self._container.close, self._name) if live else None
         self._waiting: list[Any] = []
         self._arrived_s = 0.0  # the packet that gave them
 
     def _video_stream(self) -> Any:
-        streams = self._container.streams.video
-        if not streams or streams[0].codec_context is None:  # None: a codec that FFmpeg does not know
-            raise VideoError(f"{self._name}: holds no video")
-        check_size(self._name, streams[0].codec_context.width, streams[0].codec_context.height)
-        return streams[0]
+        streams = self._container.streams
+        if not streams.video:
+            held = sorted({f"{each.type} ({each.codec_context.name})" for each in streams if each.codec_context})
+            raise VideoError(f"{self._name}: holds no video" + (f", only {', '.join(held)}" if held else ""))
+        stream = streams.video[0]
+        if stream.codec_context is None:
+            raise VideoError(f"{self._name}: holds no video of a codec known here; use H.264")
+        check_size(self._name, stream.codec_context.width, stream.codec_context.height)
+        return stream
 
     @property
     def fps(self) -> float | None:
-        return nominal_fps(float(self._stream.average_rate or 0.0))
+        return self._fps
 
     @property
     def frame_count(self) -> int | None:
         return self._stream.frames or None
 
     def read(self) -> Decoded | None:
-        while not self._waiting:
-            if not self._decode_packet():
+        start_s = time.monotonic()
+        while not self._waiting or (self._queue is not None and self._queue.has_more):
+            more = self._decode_packet()
+            if not more and not self._waiting:
                 return None
+            if not more:
+                break
+            if self._queue is not None and not self._waiting and time.monotonic() - start_s > FIRST_PICTURE_S:
+                raise VideoError(
+                    f"{self._name}: data comes, but no picture in {FIRST_PICTURE_S:.0f} s: it holds no key frame, "
+                    "is encrypted or damaged"
+                )
         frame = self._waiting.pop(0)
         check_size(self._name, frame.width, frame.height)
         image_bgr = np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
         return Decoded(image_bgr, frame.time, time.monotonic() - self._arrived_s)
 
     def _decode_packet(self) -> bool:
-        """Decode until a packet gives frames; False at the end. Raises VideoError on a run of bad packets."""
+        """Decode until a packet gives frames; False at the end. Raises VideoError on a run of bad packets.
+
+        Of a live stream only the newest frame is left waiting.
+        """
         for _ in range(MAX_BAD_PACKETS):
             try:
-                packet = next(self._packets)
-                self._arrived_s = time.monotonic()
-                self._waiting = list(packet.decode())
-                return True
+                packet, arrived_s = self._next_packet()
+                frames = self._decode(packet)
             except (StopIteration, self._av.EOFError):
                 return False
             except self._av.InvalidDataError:
                 continue
             except (self._av.FFmpegError, OSError) as error:
                 raise VideoError(f"{self._name}: {_reason(error)}") from error
-        raise VideoError(f"{self._name}: {MAX_BAD_PACKETS} unreadable packets in a row")
+            if frames:
+                self._arrived_s = arrived_s
+                self._waiting = frames if self._queue is None else frames[-1:]
+            return True
+        raise VideoError(f"{self._name}: {MAX_BAD_PACKETS} unreadable packets in a row: encrypted or damaged")
+
+    def _next_packet(self) -> tuple[Any, float]:
+        if self._queue is None:
+            return next(self._packets), time.monotonic()
+        self._context.skip_frame = "NONREF" if self._queue.is_behind else "DEFAULT"
+        return self._queue.get()
+
+    def _decode(self, packet: Any) -> list[Any]:
+        if self._parsed:
+            return list(self._context.decode(packet))
+        return [frame for each in self._context.parse(bytes(packet)) for frame in self._context.decode(each)]
 
     def close(self) -> None:
-        self._container.close()
+        """Never waits: of a live stream the thread that reads closes it, when its read comes back."""
+        if self._queue is not None:
+            self._queue.close()
+        else:
+            self._container.close()
 
 
 def _reason(error: Exception) -> str:
+    """What FFmpeg says, in words that help."""
     strerror = getattr(error, "strerror", None)
-    return str(strerror or error).splitlines()[0].lower()
+    reason = str(strerror or error).splitlines()[0].lower()
+    if reason.startswith("immediate exit"):
+        return f"nothing came within {OPEN_TIMEOUT_S:.0f} s"
+    if reason.startswith("invalid data"):
+        return "no video that can be read (another format, encrypted or damaged)"
+    return reason

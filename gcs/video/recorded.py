@@ -49,7 +49,8 @@ class RecordedSource:
             return None
         size = (decoded.image_bgr.shape[1], decoded.image_bgr.shape[0])
         if size != self.size:
-            self.problem = f"{self.name}: frame {self._next_seq} is {size[0]}x{size[1]} px, not {self.size}"
+            wanted = f"{self.size[0]}x{self.size[1]}"
+            self.problem = f"{self.name}: frame {self._next_seq} is {size[0]}x{size[1]} px, not {wanted} as the first"
             self.ended = True
             return None
         t_s = self._time_of(decoded)

@@ -30,7 +30,6 @@ class Source:
     size = (100, 80)
     frame_count = None
     problem = None
-    trouble = ""
 
     def __init__(self, frames: Iterable[Frame] = ()) -> None:
         self._frames = iter(frames)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from gcs.errors import VideoError
+from gcs.video import live as live_module
 from gcs.video import mjpeg as mjpeg_module
 from gcs.video import open_source
 from gcs.video import opencv as opencv_module
-from gcs.video.frame import Decoded
+from gcs.video.frame import Decoded, Decoder
 from gcs.video.live import LiveSource
 from gcs.video.mjpeg import jpeg_size
 from gcs.video.pyav import is_installed
@@ -120,7 +121,7 @@ def test_a_frame_already_here_survives_the_end_of_its_stream() -> None:
     source.close()
 
 
-def test_a_broken_stream_is_opened_again() -> None:
+def test_a_broken_stream_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = HandFedDecoder(), HandFedDecoder()
     first.feed.put(Decoded(np.full((8, 8, 3), 1, np.uint8)))
     openings = iter([first, VideoError("still away"), second])
@@ -131,6 +132,7 @@ def test_a_broken_stream_is_opened_again() -> None:
             raise item
         return item
 
+    monkeypatch.setattr(live_module, "FIRST_BACKOFF_S", 0.01)
     source = LiveSource("fed", opener, reconnect=True)
     assert source.read(5.0) is not None
     first.feed.put(None)
@@ -144,14 +146,82 @@ def test_a_broken_stream_is_opened_again() -> None:
     source.close()
 
 
-def test_a_changed_picture_size_is_a_broken_stream() -> None:
+def test_pictures_of_another_size_are_left_out_and_told() -> None:
     source, decoder = hand_fed()
     source.read(1.0)
-    decoder.feed.put(Decoded(np.zeros((16, 16, 3), np.uint8)))
-    assert source.read(5.0) is None
-    assert source.problem is not None
-    assert "size changed" in source.problem
+    assert source.trouble == ""
+    decoder.idle.clear()
+    decoder.feed.put(Decoded(np.zeros((16, 32, 3), np.uint8)))
+    assert decoder.idle.wait(5.0)
+    assert source.read(0.0) is None
+    assert source.trouble == (
+        "fed: the picture is now 32x16 px, but was 8x8: set the camera back, or start anew with this size"
+    )
+    decoder.put(7)  # somebody set the camera back
+    frame = source.read(1.0)
+    assert frame is not None
+    assert (frame.seq, source.trouble) == (1, "")
+    decoder.feed.put(None)
     source.close()
+
+
+def test_what_is_wrong_is_told_while_it_lasts() -> None:
+    now_s = [100.0]
+    source, decoder = hand_fed(clock=lambda: now_s[0])
+    assert source.trouble == ""
+    now_s[0] += 3.0
+    assert source.trouble == "fed: no picture for 3 s"
+    decoder.idle.clear()
+    decoder.feed.put(Decoded(np.full((8, 8, 3), 2, np.uint8), decode_s=0.8))
+    assert decoder.idle.wait(5.0)
+    assert source.trouble == "fed: decoding is 0.8 s behind: send a smaller picture, or fewer of them"
+    decoder.put(3)
+    assert source.trouble == ""
+    decoder.feed.put(VideoError("fed: gone"))
+    assert decoder.closed.wait(5.0)
+    assert source.trouble == "fed: gone"
+    source.close()
+    assert source.trouble == ""
+
+
+def test_a_stream_that_opens_but_gives_no_picture_is_tried_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    pauses: list[float] = []
+    decoders: list[HandFedDecoder] = []
+    tried = threading.Event()
+
+    def opener() -> HandFedDecoder:
+        decoder = HandFedDecoder()
+        decoder.feed.put(None if decoders else Decoded(np.zeros((8, 8, 3), np.uint8)))
+        decoder.feed.put(None)
+        decoders.append(decoder)
+        return decoder
+
+    def reopen(source: LiveSource, backoff_s: float) -> tuple[Decoder | None, float]:
+        pauses.append(backoff_s)
+        if len(pauses) == 5:
+            tried.set()
+        return original(source, backoff_s)
+
+    original = LiveSource._reopen
+    monkeypatch.setattr(LiveSource, "_reopen", reopen)
+    monkeypatch.setattr(live_module, "FIRST_BACKOFF_S", 0.001)
+    monkeypatch.setattr(live_module, "MAX_BACKOFF_S", 0.004)
+    source = LiveSource("fed", opener)
+    assert tried.wait(5.0)
+    assert source.trouble == "fed: the stream has ended; trying again"
+    assert pauses[:5] == [0.001, 0.002, 0.004, 0.004, 0.004]
+    source.close()
+
+
+def test_closing_does_not_wait_for_a_stream_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_module, "CLOSE_WAIT_S", 0.05)
+    source, decoder = hand_fed()
+    source.read(1.0)
+    source.close()
+    assert source.ended
+    assert source.trouble == ""
+    decoder.feed.put(None)
+    assert decoder.closed.wait(5.0)
 
 
 def test_opened_but_without_a_frame() -> None:
@@ -189,7 +259,8 @@ def test_mjpeg_over_a_real_socket(server: MjpegServer) -> None:
     source.close()
 
 
-def test_mjpeg_reconnects(server: MjpegServer) -> None:
+def test_mjpeg_reconnects(server: MjpegServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_module, "FIRST_BACKOFF_S", 0.01)
     server.send(picture(0))
     source = open_source(server.url)
     assert source.read(5.0) is not None

@@ -1,0 +1,98 @@
+"""Packets of a live stream, taken from the network as they come, on a thread of its own."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from gcs.errors import VideoError
+from gcs.video.frame import OPEN_TIMEOUT_S
+
+BEHIND_S: Final = 0.25  # what waits longer than this makes room for what is newer
+MOST_PACKETS: Final = 2000
+_KEY = re.compile(rb"\x00\x00\x01[\x25\x27\x45\x47\x65\x67]")  # H.264: parameters, or a whole picture, begin
+_HEAD: Final = 64
+
+
+class PacketQueue:
+    """What a stream has sent and nobody has decoded yet, each with its time of arrival (monotonic).
+
+    Where the decoder cannot keep up, everything before the newest key frame is dropped: old pictures are worse than
+    missing ones.
+    """
+
+    def __init__(self, packets: Iterator[Any], finish: Callable[[], None], name: str) -> None:
+        """finish: called on the thread, once nothing reads any more."""
+        self._packets, self._finish, self._name = packets, finish, name
+        self._waiting: deque[tuple[Any, float, bool]] = deque()
+        self._changed = threading.Condition()
+        self._error: BaseException | None = None
+        self._stop = False
+        threading.Thread(target=self._run, name="video packets", daemon=True).start()
+
+    def get(self) -> tuple[Any, float]:
+        """The oldest packet and when it came; waits. Raises what ended the stream, VideoError where it is silent."""
+        with self._changed:
+            come = self._changed.wait_for(lambda: self._waiting or self._error or self._stop, OPEN_TIMEOUT_S)
+            if not come:
+                raise VideoError(f"{self._name}: nothing came for {OPEN_TIMEOUT_S:.0f} s")
+            if not self._waiting:
+                raise self._error or StopIteration
+            if self._is_behind():
+                self._drop()
+            packet, arrived_s, _ = self._waiting.popleft()
+            return packet, arrived_s
+
+    @property
+    def has_more(self) -> bool:
+        """Something waits."""
+        with self._changed:
+            return bool(self._waiting)
+
+    @property
+    def is_behind(self) -> bool:
+        """What comes next has waited too long: the decoder is slower than the stream."""
+        with self._changed:
+            return self._is_behind()
+
+    def _is_behind(self) -> bool:
+        return bool(self._waiting) and time.monotonic() - self._waiting[0][1] > BEHIND_S
+
+    def _drop(self) -> None:
+        keys = [index for index, (_, _, is_key) in enumerate(self._waiting) if is_key]
+        for _ in range(keys[-1] if keys else 0):
+            self._waiting.popleft()
+
+    def _run(self) -> None:
+        error: BaseException = StopIteration()
+        try:
+            for packet in self._packets:
+                if self._stop:
+                    break
+                self._put(packet, time.monotonic())
+        except Exception as failure:  # noqa: BLE001 - the edge of the thread: told to whoever reads
+            error = failure
+        with self._changed:
+            self._error = error
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: self._stop)
+        self._finish()
+
+    def _put(self, packet: Any, arrived_s: float) -> None:
+        is_key = bool(packet.is_keyframe) or _KEY.search(bytes(packet)[:_HEAD]) is not None
+        with self._changed:
+            if len(self._waiting) >= MOST_PACKETS:
+                self._waiting.clear()  # nothing is decoded at all any more
+            self._waiting.append((packet, arrived_s, is_key))
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Nothing more is wanted; returns at once."""
+        with self._changed:
+            self._stop = True
+            self._waiting.clear()
+            self._changed.notify_all()
