@@ -140,7 +140,7 @@ class Orders:
             found = next((each for each in self._candidates() if each.number == order.number), None)
             if found is None:
                 raise SelectionError(f"there is no candidate {order.number}")
-            return Select(found.box)
+            return Select(found.box, found.frame)
         frame = order.frame or self._flight.vision.frames.newest
         if frame is None:
             raise SelectionError("no picture has come yet")
