@@ -254,9 +254,12 @@ class DryRunFlight:
         )
 
     def _warnings(self) -> tuple[str, ...]:
+        found = []
         if self.distance_was_assumed:
-            return (f"the video cannot tell the distance: {ASSUMED_DISTANCE_M:g} m is assumed, or type it",)
-        return ()
+            found.append(f"the video cannot tell the distance: {ASSUMED_DISTANCE_M:g} m is assumed, or type it")
+        if self._source.ended:
+            found.append(self._source.problem or "the video has ended")
+        return tuple(found)
 
 
 def would_be_line(tick: Tick | None) -> str:

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import replace
 
+from control.estimator import TargetEstimator
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
@@ -51,7 +52,7 @@ async def _run(options: Options, say: Say, tracker_factory: Callable[[TrackerCho
         displays.starting("opening the video")
         source = await asyncio.to_thread(open_paced, options, clock)
         displays.starting("loading the tracker")
-        tracker = await asyncio.to_thread(tracker_factory, config.tracker)
+        tracker = await asyncio.to_thread(_load, config, tracker_factory)
         passes = Passes(options, source, displays.say)
         camera = options.camera or config.camera.model(*source.size)
         flight = DryRunFlight(source, tracker, camera, config, clock, poses=poses, went=passes.went)
@@ -63,6 +64,11 @@ async def _run(options: Options, say: Say, tracker_factory: Callable[[TrackerCho
         return await passes.end()
     finally:
         await displays.close()
+
+
+def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]) -> BoxTracker:
+    TargetEstimator(config.control.estimator)  # what it imports takes a second, which the page would stand still
+    return tracker_factory(config.tracker)
 
 
 async def _fly(flight: DryRunFlight, station: DryRunStation, options: Options, say: Say) -> None:

@@ -146,7 +146,7 @@ class FlightLog:
                     head = decode(line)
                 except (msgspec.DecodeError, UnicodeDecodeError):
                     if line.endswith(b"\n"):
-                        self.damaged += 1
+                        self.damaged, written = self.damaged + 1, written + 1
                     else:
                         self.is_cut = True
                 else:

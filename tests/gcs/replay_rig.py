@@ -27,7 +27,7 @@ SIZE = (64, 48)
 
 def grey_of(seq: int) -> int:
     """How bright the picture of this frame is in the film."""
-    return 20 + 7 * (seq % 30)
+    return 20 + 12 * (seq % 18)
 
 
 class Filming:

@@ -261,11 +261,12 @@ def test_a_full_disk_leaves_notes_and_the_run_goes_on(tmp_path: Path) -> None:
     assert any("annotated.mp4: cannot be written" in note for note in summary.notes)
 
 
-def test_it_builds_no_wire_and_opens_no_socket(tmp_path: Path) -> None:
-    """In a process of its own: nothing that could reach a vehicle is even imported."""
+def test_it_builds_no_wire_and_opens_no_socket_but_the_pages(tmp_path: Path) -> None:
+    """In a process of its own: nothing that could reach a vehicle is even imported, with the page neither."""
     clip = write_clip(tmp_path / "a.mp4")
     program = f"""
-import socket, sys
+import os, signal, socket, sys, threading, urllib.request
+real = socket.socket
 class Refused(socket.socket):
     def __init__(self, *args, **kwargs):
         raise AssertionError("a dry run opened a socket")
@@ -278,6 +279,28 @@ from tests.gcs.colour_tracker import ColourTracker
 from tracker.box import Box
 run(Options({str(clip)!r}, Path({str(tmp_path / "out")!r}), Config(), box=Box(76, 106, 32, 32)),
     tracker_factory=lambda choice: ColourTracker())
+socket.socket = real
+from dataclasses import replace
+from gcs import dryrun_page
+from gcs.operator.config import PageConfig
+opened, said, visits = [], [], []
+sys.addaudithook(lambda event, args: event in ("socket.bind", "socket.connect") and opened.append(event))
+def visit(text):
+    said.append(text)
+    if text.startswith("page: "):
+        browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        visit.looking = threading.Thread(target=lambda: visits.append(browser.open(text.split()[1]).read()))
+        visit.looking.start()
+    if text.startswith("selected"):
+        os.kill(os.getpid(), signal.SIGINT)
+config = replace(Config(), page=PageConfig(port=0))
+summary = dryrun_page.run(Options({str(clip)!r}, Path({str(tmp_path / "out")!r}), config, box=Box(76, 106, 32, 32)),
+    visit, lambda choice: ColourTracker())
+visit.looking.join()
+assert summary is not None, said
+assert b"<html" in visits[0]
+assert opened.count("socket.bind") == 1, opened
+assert opened.count("socket.connect") == 2, opened  # the visitor's, who is sent on once
 forbidden = {{"gcs.wire", "gcs.transport", "gcs.codec", "gcs.telemetry", "gcs.autopilot",
     "gcs.app", "mavsdk", "pymavlink"}}
 print(sorted(forbidden & set(sys.modules)))
