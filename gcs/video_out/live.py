@@ -57,6 +57,11 @@ class LiveStream:
         self._thread = threading.Thread(target=self._run, name="video out", daemon=True)
         self._thread.start()
 
+    @property
+    def is_idle(self) -> bool:
+        """No picture waits to be encoded."""
+        return self._waiting is None
+
     def take(self, taker: Taker) -> Callable[[], None]:
         """Call it with every picture from the next key frame on; returns how to end that."""
         self._takers = (*self._takers, taker)

@@ -24,6 +24,7 @@ class VideoOut:
     def __init__(self, config: VideoOutConfig, station: Station) -> None:
         """GcsError, with what to install, where PyAV is missing."""
         require_av()
+        self.encoded = 0  # pictures so far
         self._config, self._station = config, station
         self._parameter_sets = b"", b""
         self._stream: LiveStream | None = None
@@ -31,7 +32,7 @@ class VideoOut:
         self._rtp: Any = None
         self._packetizer: Packetizer | None = None
         self._end_taking: Callable[[], None] | None = None
-        self._players = 0
+        self._viewers = 0
 
     async def open(self) -> None:
         """Listen and send from now on; WireError where a port is taken or a host unknown."""
@@ -69,6 +70,11 @@ class VideoOut:
         """Why no video goes out although it should, in one line."""
         return self._stream.problem if self._stream is not None else None
 
+    @property
+    def viewers(self) -> int:
+        """How many take it now; the fixed address is one."""
+        return (self._server.players if self._server is not None else 0) + (self._rtp is not None)
+
     async def close(self) -> None:
         """End it all."""
         if self._server is not None:
@@ -81,18 +87,19 @@ class VideoOut:
     def _changed(self) -> None:
         """Encode while somebody takes it; whoever is new gets a key frame."""
         assert self._stream is not None
-        players = (self._server.players if self._server is not None else 0) + (self._rtp is not None)
-        if players > self._players:
+        viewers = self.viewers
+        if viewers > self._viewers:
             self._stream.want_key()
-        self._players = players
-        if players and self._end_taking is None:
+        self._viewers = viewers
+        if viewers and self._end_taking is None:
             self._end_taking = self._stream.take(self._send)
-        elif not players and self._end_taking is not None:
+        elif not viewers and self._end_taking is not None:
             self._end_taking()
             self._end_taking = None
 
     def _send(self, coded: Coded) -> None:
         assert self._packetizer is not None
+        self.encoded += 1
         packets = self._packetizer.packets(coded)
         if self._server is not None:
             self._server.send(packets, coded.is_key)

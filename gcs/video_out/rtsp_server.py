@@ -55,6 +55,11 @@ class RtspServer:
         return sum(client.rtsp.playing for client in self._clients)
 
     @property
+    def heard_s(self) -> float:
+        """When a client was heard last; 0: none is there."""
+        return max((client.rtsp.heard_s for client in self._clients), default=0.0)
+
+    @property
     def udp_ports(self) -> tuple[int, int] | None:
         """Where RTP and RTCP of UDP clients come from; None: no two free ports were found."""
         return self._udp.ports if self._udp is not None else None
@@ -64,6 +69,11 @@ class RtspServer:
         now_s = self.now_s()
         for client in tuple(self._clients):
             client.send(packets, is_key, now_s, self._udp)
+
+    def sweep(self) -> None:
+        """Send away who is silent, stuck, or never asked for anything; done by itself each second."""
+        for client in tuple(self._clients):
+            client.check(self.now_s())
 
     async def close(self) -> None:
         """Send everybody away."""
@@ -102,8 +112,7 @@ class RtspServer:
     async def _sweep(self) -> None:
         while True:
             await asyncio.sleep(_SWEEP_S)
-            for client in tuple(self._clients):
-                client.check(self.now_s())
+            self.sweep()
 
 
 class _Client(asyncio.Protocol):
@@ -156,7 +165,7 @@ class _Client(asyncio.Protocol):
         self._transport.abort()
 
     def check(self, now_s: float) -> None:
-        """Send away who is silent, or never asked for anything."""
+        """End it, where nobody is there any more."""
         idle = not self.rtsp.playing and now_s - max(self._since_s, self.rtsp.heard_s) > _SET_UP_S
         gone = isinstance(self.rtsp.transport, Udp) and self.rtsp.is_silent(now_s)
         if idle or gone or (self._stuck_since_s is not None and now_s - self._stuck_since_s > _STUCK_S):
