@@ -20,13 +20,15 @@ from gcs.operator.lease import Lease
 from gcs.operator.web.server import Page as Served
 from tests.gcs.fake_station import FakeStation
 
-playwright_api = pytest.importorskip("playwright.async_api", reason="Playwright is not installed (pip install -e .[dev])")
+playwright_api = pytest.importorskip(
+    "playwright.async_api", reason="Playwright is not installed (pip install -e .[dev])"
+)
 
 PATIENCE_MS = 10_000  # of every step in the browser; nothing waits so long unless it is broken
 ARGS = (
-    "--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync"
-).split()
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
 LAPTOP = {"width": 1366, "height": 768}
 
 
@@ -69,8 +71,14 @@ class Desk:
         await page.wait_for_selector(f"#picture[data-frame='{seq}']")
         return seq
 
-    async def open(self, size: dict[str, int] = LAPTOP, *, prepare: Callable[[Any], Awaitable[None]] | None = None,
-                   wait: bool = True, **options: Any) -> Any:
+    async def open(
+        self,
+        size: dict[str, int] = LAPTOP,
+        *,
+        prepare: Callable[[Any], Awaitable[None]] | None = None,
+        wait: bool = True,
+        **options: Any,
+    ) -> Any:
         """Another browser, at the page; waits for the first picture. prepare: before the page is asked for."""
         context = await self.browser.new_context(viewport=size, **options)
         self.contexts.append(context)
@@ -176,7 +184,9 @@ def place_of(edge: dict[str, float], size: tuple[int, int], x: float, y: float) 
     return left + x * scale, top + y * scale
 
 
-async def drag(page: Any, start: tuple[float, float], end: tuple[float, float], size: tuple[int, int] = (640, 480)) -> None:
+async def drag(
+    page: Any, start: tuple[float, float], end: tuple[float, float], size: tuple[int, int] = (640, 480)
+) -> None:
     """With the mouse, between two pixels of the picture."""
     edge = await page.locator("#picture").bounding_box()
     await page.mouse.move(*place_of(edge, size, *start))

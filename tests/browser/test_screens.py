@@ -23,15 +23,20 @@ REFUSED = (
 
 LAYOUT = """() => {
   const shown = (node) => node.checkVisibility({visibilityProperty: true});
-  const edge = (id) => { const e = document.getElementById(id).getBoundingClientRect(); return [e.left, e.top, e.right, e.bottom]; };
-  const cut = [...document.querySelectorAll('button, #refusals li, #ages dd, .figure b, #flight li, #drawer input, #help dd')]
-    .filter(shown).filter((node) => {
-      const e = node.getBoundingClientRect();
-      return e.left < -.5 || e.top < -.5 || e.right > innerWidth + .5 || e.bottom > innerHeight + .5 || node.scrollWidth > node.clientWidth + 1;
-    }).map((node) => node.id || node.textContent);
-  const decides = [...document.querySelectorAll('#act button')].filter(shown).map((node) => edge(node.id));
+  const edge = (node) => { const e = node.getBoundingClientRect(); return [e.left, e.top, e.right, e.bottom]; };
+  const isCut = (node) => {
+    const [left, top, right, bottom] = edge(node);
+    const isOutside = left < -.5 || top < -.5 || right > innerWidth + .5 || bottom > innerHeight + .5;
+    return isOutside || node.scrollWidth > node.clientWidth + 1;
+  };
+  const texts = 'button, #refusals li, #ages dd, .figure b, #flight li, #drawer input, #help dd';
   const scroller = document.scrollingElement;
-  return {cut, decides, abort: edge('abort'), scrolls: scroller.scrollHeight > innerHeight || scroller.scrollWidth > innerWidth};
+  return {
+    cut: [...document.querySelectorAll(texts)].filter(shown).filter(isCut).map((node) => node.id || node.textContent),
+    decides: [...document.querySelectorAll('#act button')].filter(shown).map(edge),
+    abort: edge(document.getElementById('abort')),
+    scrolls: scroller.scrollHeight > innerHeight || scroller.scrollWidth > innerWidth,
+  };
 }"""
 # What lies on top at ABORT's middle and corners: nothing may cover it.
 UNCOVERED = """() => {
@@ -40,7 +45,8 @@ UNCOVERED = """() => {
     node.contains(document.elementFromPoint(e.left + e.width * x, e.top + e.height * y)));
 }"""
 CONTRAST = """() => {
-  const light = ([r, g, b]) => [r, g, b].map((v) => v / 255).map((v) => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
+  const linear = (v) => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
+  const light = ([r, g, b]) => [r, g, b].map((v) => linear(v / 255))
     .reduce((sum, v, at) => sum + v * [.2126, .7152, .0722][at], 0);
   const numbers = (colour) => colour.match(/[\\d.]+/g).map(Number);
   const ground = (node) => {
@@ -54,7 +60,8 @@ CONTRAST = """() => {
   const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walk.nextNode()) {
     const node = walk.currentNode.parentElement;
-    if (!walk.currentNode.textContent.trim() || !node.checkVisibility({visibilityProperty: true, opacityProperty: true})) continue;
+    const isShown = node.checkVisibility({visibilityProperty: true, opacityProperty: true});
+    if (!walk.currentNode.textContent.trim() || !isShown) continue;
     const [a, b] = [light(numbers(getComputedStyle(node).color)), light(ground(node))];
     const ratio = (Math.max(a, b) + .05) / (Math.min(a, b) + .05);
     if (ratio < 7) faint.push(`${node.id || node.textContent.trim()} ${ratio.toFixed(1)}`);
