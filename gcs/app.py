@@ -24,11 +24,12 @@ from gcs.config import AutopilotChoice, Config, FollowChoice, load
 from gcs.dryrun_output import prepare_folder
 from gcs.errors import ConfigError, GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
+from gcs.flight_camera import run_camera
 from gcs.flight_control import Wanted
 from gcs.flight_record import TLOG, FlightRecorder
 from gcs.flight_station import FlightStation
 from gcs.link_meters import LinkFigures
-from gcs.operator.displays import Displays
+from gcs.operator.displays import Displays, stream_url
 from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
@@ -132,9 +133,14 @@ async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, cl
                 beside = [operator.run(), *_preselect(station, options.box, displays.say)]
                 if options.json:
                     beside.append(write_lines(station, displays.lease, clock, sys.stdout))
-                async with displays.serve(station):
+                async with displays.serve(station) as video:
+                    camera = run_camera(
+                        flight, station, displays.lease, displays.say,
+                        stream_url=None if video is None else stream_url(video, config.video_out),
+                        definition_url=displays.definition_url,
+                    )  # fmt: skip
                     with signals(flight.stop), contextlib.closing(station):
-                        await fly(flight, *beside)
+                        await fly(flight, *beside, camera)
     finally:
         await asyncio.to_thread(source.close)
 

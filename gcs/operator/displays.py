@@ -1,4 +1,4 @@
-"""What an operator sees and steers by: the page, the MAVLink camera and the video that goes out, round one station."""
+"""What an operator sees and steers by: the page and the video that goes out, round one station."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import AsyncIterator, Callable
 from typing import TYPE_CHECKING
 
 from gcs.clock import Clock
-from gcs.errors import GcsError
 from gcs.operator.lease import Lease
 
 if TYPE_CHECKING:  # each is imported when it is opened
+    from aiohttp.web import RouteDef
+
     from gcs.config import Config
-    from gcs.operator.camera.server import Surroundings, TrackingCamera
+    from gcs.operator.config import VideoOutConfig
     from gcs.operator.station import Station
     from gcs.operator.web.server import Page
     from gcs.video_out.out import VideoOut
@@ -50,8 +51,29 @@ class Displays:
             return
         from gcs.operator.web.server import Page
 
-        self._page = Page(self._config.page, self._clock, lease=self.lease)
+        self._page = Page(self._config.page, self._clock, lease=self.lease, routes=self._routes(), on_act=self._acted)
         await self._page.open()
+
+    def _routes(self) -> list[RouteDef]:
+        """What a MAVLink camera's clients fetch here."""
+        if self._config.mavlink_camera.url is None:
+            return []
+        from gcs.operator.camera.definition import routes
+        from gcs.operator.camera.server import definition_of, setup_of
+
+        return routes(definition_of(setup_of(self._config.mavlink_camera, system_id=1)))
+
+    @property
+    def definition_url(self) -> str | None:
+        """Of the camera definition; None: it is not served."""
+        if self._page is None or self._config.mavlink_camera.url is None:
+            return None
+        from gcs.operator.camera.definition import PATH
+
+        return self._page.url.partition("/?")[0] + PATH
+
+    def _acted(self, name: str, text: str) -> None:
+        self._say(f"{name}: {text}")
 
     async def close(self) -> None:
         """Everything that is open."""
@@ -59,8 +81,8 @@ class Displays:
             await self._page.close()
 
     @contextlib.asynccontextmanager
-    async def serve(self, station: Station, around: Surroundings | None = None) -> AsyncIterator[None]:
-        """Show and steer this station. around: what the MAVLink camera must know of the vehicle; None opens none."""
+    async def serve(self, station: Station) -> AsyncIterator[VideoOut | None]:
+        """Show and steer this station; gives the video that goes out, None where there is none."""
         async with contextlib.AsyncExitStack() as opened:
             if self._page is not None:
                 self._page.attach(station)
@@ -68,10 +90,7 @@ class Displays:
             video = await self._open_video(station)
             if video is not None:
                 opened.push_async_callback(video.close)
-            if around is not None and self._config.mavlink_camera.url is not None:
-                camera = await self._open_camera(station, around, video)
-                opened.push_async_callback(camera.close)
-            yield
+            yield video
 
     async def _open_video(self, station: Station) -> VideoOut | None:
         wanted = self._config.video_out
@@ -81,8 +100,10 @@ class Displays:
 
         video = VideoOut(wanted, station)
         await video.open()
-        self.say(f"video out: {video.rtsp_url or wanted.rtp}")
+        self.say(f"video out: {stream_url(video, wanted)}")
         return video
 
-    async def _open_camera(self, station: Station, around: Surroundings, video: VideoOut | None) -> TrackingCamera:
-        raise GcsError("not yet")
+
+def stream_url(video: VideoOut, config: VideoOutConfig) -> str:
+    """Where others find the video."""
+    return video.rtsp_url or f"rtp://{config.rtp}"
