@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import json
 import shutil
 import textwrap
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs.cli_operator import with_operator_arguments
+from gcs.cli_parser import did_you_mean
 from gcs.cli_vehicle import with_arguments
 from gcs.config import Config, load_with_origins
 from gcs.config_example import render
@@ -67,8 +67,7 @@ def _sort(words: Sequence[str], known: Sequence[str]) -> tuple[str | None, list[
     for word in wanted:
         if not any(is_of(key, word) for key in known):
             parts = {key.rsplit(".", depth)[0] for key in known for depth in range(3)} | set(known)
-            close = difflib.get_close_matches(word, sorted(parts), n=1)
-            hint = f" (did you mean {close[0]}?)" if close else ""
+            hint = did_you_mean(word, sorted(parts))
             raise ConfigError(f"{word}: neither a file nor a key of the configuration{hint}")
     return (files[0] if files else None), wanted
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Sequence
-from typing import Final, NoReturn, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, NoReturn, TypeAlias
 
 from gcs.errors import EXIT_USAGE
 
@@ -30,6 +30,30 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(EXIT_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does, but what is not known is told by the command it was given to, with what may be meant."""
+        found, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            command = getattr(found, "command", self)
+            word = unknown[0].partition("=")[0]
+            command.error(f"unknown argument {word}{did_you_mean(word, command._option_string_actions)}")
+        return found
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            known = ", ".join(action.choices)
+            hint = did_you_mean(str(value), action.choices) or f" (there are: {known})"
+            raise argparse.ArgumentError(None, f"no such {str(action.metavar).lower()}: {value}{hint}")
+        super()._check_value(action, value)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A hint in brackets, empty where nothing is like it."""
+    import difflib  # only for those who mistype
+
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
@@ -50,8 +74,7 @@ def add_command(
         formatter_class=_Formatter,
         parents=[debug_option()],
     )
-    if handler:
-        p.set_defaults(handler=handler)
+    p.set_defaults(command=p, **({"handler": handler} if handler else {}))
     return p
 
 

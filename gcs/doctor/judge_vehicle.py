@@ -37,7 +37,7 @@ def _identity(heard: Heard) -> Result:
     where = "in the air" if heard.state.in_air else "armed" if heard.state.armed else "not armed"
     text = f"{heard.vehicle}, {heard.state.mode.value}, {where}, {heard.security}"
     if heard.state.in_air:
-        return warn("vehicle", text, "look at it with this on the ground, before the flight")
+        return warn("vehicle", text, "run this on the ground, before the flight")
     return ok("vehicle", text)
 
 

@@ -100,3 +100,21 @@ def test_nothing_heavy_is_imported_to_say_what_a_command_does(argv: list[str]) -
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "HEAVY []"
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["doctr"], "gcs: no such command: doctr (did you mean doctor?)"),
+        (["weights", "infoo"], "gcs weights: no such action: infoo (did you mean info?)"),
+        (["run", "--vidoe", "x"], "gcs run: unknown argument --vidoe (did you mean --video?) (see gcs run --help)"),
+        (["keys", "new", "--passprase=x"], "gcs keys new: unknown argument --passprase (did you mean --passphrase?)"),
+        (["qqq"], "there are: run, demo, sim"),
+    ],
+)
+def test_a_slip_is_told_by_its_command(argv: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(argv)
+    assert caught.value.code == EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
