@@ -37,6 +37,7 @@ from gcs.video import VideoSource
 
 _ATTITUDE_S: Final = 2.0  # of it known at the start, as on a link that has been open for a while
 WAITING: Final = "draw a box to start the video"
+READY: Final = "confirm to start the video"
 ENDED: Final = "the video has ended: Drop starts again"
 
 
@@ -241,10 +242,9 @@ class DryRunFlight:
             now_s, self.tick, self.vehicle.state(now_s), held, self.config.control.follow, self._rate.fps,
             self._warnings(), would_be_line(self.tick),
         )  # fmt: skip
-        standing = {Place.START: (WAITING,), Place.END: (ENDED,)}.get(self.place, ())
         return replace(
             status,
-            reasons=standing or status.reasons,
+            reasons=self._standing() or status.reasons,
             budget=self._budgets.at(now_s),
             way="imagined vehicle" + (", standing still" if self._poses is None else ", where the recorded one was"),
             follow_mode=control.wanted.mode if held is None else held.mode,
@@ -252,6 +252,12 @@ class DryRunFlight:
             frame_t_s=self.seen.frame.t_arrival_s if self.seen is not None else None,
             recording=self.film.on and self.place is Place.PLAYING,
         )
+
+    def _standing(self) -> tuple[str, ...]:
+        """What a video that stands still is waiting for."""
+        if self.place is Place.START:
+            return (READY if self.seen is not None and self.seen.selection else WAITING,)
+        return (ENDED,) if self.place is Place.END else ()
 
     def _warnings(self) -> tuple[str, ...]:
         found = []

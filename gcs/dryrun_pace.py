@@ -33,6 +33,11 @@ class FilmFrame(Frame):
     place: Place = Place.PLAYING
 
 
+def stands_at_first(frame: Frame) -> bool:
+    """Whether this is the first picture, waiting."""
+    return isinstance(frame, FilmFrame) and frame.place is Place.START
+
+
 class PacedSource:
     """A `VideoSource` of `FilmFrame`s. Read on one thread; `play`, `rewind` and `close` come from any.
 

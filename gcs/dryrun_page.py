@@ -20,7 +20,6 @@ from gcs.dryrun_station import DryRunStation
 from gcs.errors import GcsError
 from gcs.operator.config import MavlinkCameraConfig, VideoOutConfig
 from gcs.operator.displays import Displays
-from gcs.operator.orders import Select
 from gcs.poses import RecordedPoses
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import VideoSource, open_source
@@ -57,9 +56,11 @@ async def _run(options: Options, say: Say, tracker_factory: Callable[[TrackerCho
         camera = options.camera or config.camera.model(*source.size)
         flight = DryRunFlight(source, tracker, camera, config, clock, poses=poses, went=passes.went)
         passes.follow(flight)
-        station = DryRunStation(flight)
+        truth = read_boxes(options.truth) if options.truth is not None else None
+        given = options.box is not None or truth is not None
+        station = DryRunStation(flight, first_box(options, truth, source.size) if given else None)
         async with displays.serve(station):
-            await _fly(flight, station, options, displays.say)
+            await _fly(flight, station, displays.say)
         station.close()
         return await passes.end()
     finally:
@@ -71,23 +72,20 @@ def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]
     return tracker_factory(config.tracker)
 
 
-async def _fly(flight: DryRunFlight, station: DryRunStation, options: Options, say: Say) -> None:
+async def _fly(flight: DryRunFlight, station: DryRunStation, say: Say) -> None:
     """Until a signal, or the operator quits."""
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, flight.stop)
     async with asyncio.TaskGroup() as group:
-        selecting = group.create_task(_preselect(station, options, say))
+        selecting = group.create_task(_begin(station, say))
         await flight.run()
         selecting.cancel()
 
 
-async def _preselect(station: DryRunStation, options: Options, say: Say) -> None:
+async def _begin(station: DryRunStation, say: Say) -> None:
     """--box, or the first of --boxes, on the first picture."""
-    if options.box is None and options.truth is None:
-        return
-    truth = read_boxes(options.truth) if options.truth is not None else None
     try:
-        say(await station.perform(Select(first_box(options, truth, station.size))))
+        say(await station.begin())
     except GcsError as error:
         say(str(error))
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Final, cast
 
 from gcs.candidates import Candidate, CandidateFinder
 from gcs.dryrun_flight import DryRunFlight
-from gcs.dryrun_pace import Place
+from gcs.dryrun_pace import Place, stands_at_first
 from gcs.flight_orders import Orders, RefusedError
 from gcs.flight_view import Status, Watcher, status_line
 from gcs.operator.orders import (
     Accept,
     Acknowledge,
+    Confirm,
     Deselect,
     Hold,
     Land,
@@ -27,6 +28,7 @@ from gcs.operator.orders import (
 )
 from gcs.operator.station import Scene
 from gcs.video.history import FrameHistory
+from tracker.box import Box
 
 if TYPE_CHECKING:
     from gcs.flight import Flight
@@ -38,13 +40,16 @@ _SELECTS: Final = (Select, SelectPoint, SelectCandidate)
 class DryRunStation:
     """A box drawn on the first picture starts the video; confirming and aborting act on an imagined vehicle.
 
-    At the last picture the video stands still, and goes back to the first when the operator drops, acknowledges or
-    draws.
+    A box that was given beforehand is selected there, and the video starts when it is confirmed: so nobody misses the
+    start. At the last picture the video stands still, and goes back to the first when the operator drops, acknowledges
+    or draws.
     """
 
     watermark = "DRY RUN"
 
-    def __init__(self, flight: DryRunFlight) -> None:
+    def __init__(self, flight: DryRunFlight, box: Box | None = None) -> None:
+        """box: selected on the first picture by `begin`."""
+        self._box = box
         self._flight = flight
         self._finder = CandidateFinder(flight.vision.frames)
         # A flight as far as these orders go: what needs a vehicle is refused here.
@@ -106,13 +111,22 @@ class DryRunStation:
             flight.rewind()
             if isinstance(order, _SELECTS):
                 raise RefusedError("that was the last picture: the video is back at its first, draw there")
-            return "back at the first picture"
+            return await self.begin()
         if isinstance(order, SetDistance):
             flight.typed_distance_m = order.distance_m
         answer = await self._orders.perform(order)
-        if flight.place is Place.START and isinstance(order, (*_SELECTS, Deselect)):
+        if flight.place is Place.START and isinstance(order, (*_SELECTS, Deselect, Confirm)):
             flight.play()
         return answer
+
+    async def begin(self) -> str:
+        """Wait for the first picture, and select the box that was given. GcsError as for any selection."""
+        flight = self._flight
+        while flight.place is Place.START and not (flight.seen is not None and stands_at_first(flight.seen.frame)):
+            await flight.next_seen()
+        if self._box is None:
+            return "the first picture: draw a box"
+        return await self._orders.perform(Select(self._box))
 
     def close(self) -> None:
         """End what runs beside it."""

@@ -16,7 +16,7 @@ from control.types import VehicleMode
 from gcs.clock import FakeClock
 from gcs.config import Config
 from gcs.dryrun import Options
-from gcs.dryrun_flight import ENDED, WAITING, DryRunFlight
+from gcs.dryrun_flight import ENDED, READY, WAITING, DryRunFlight
 from gcs.dryrun_pace import PacedSource
 from gcs.dryrun_page import Passes
 from gcs.dryrun_station import DryRunStation
@@ -237,4 +237,27 @@ async def test_a_fence_in_degrees_does_not_keep_a_desk_from_following(tmp_path: 
     await at.perform(Select(BOX))
     await at.go(0.2)
     assert at.station.refusals() == ()
+    at.source.close()
+
+
+async def test_a_box_given_beforehand_waits_for_the_confirmation_each_time(tmp_path: Path) -> None:
+    at = desk(tmp_path, frames=12)
+    at.station = DryRunStation(at.flight, BOX)
+    assert (await at.until(at.station.begin())).startswith("selected")
+    await at.go(1.0)
+    status = at.station.status()
+    assert (status.state, status.reasons) == (State.SELECTED, (READY,))
+    assert await at.perform(Confirm()) == "follow confirmed at 20.0 m"
+    await at.go(0.2)
+    assert at.station.status().reasons == ()
+    await at.go(1.0)
+    assert at.station.status().reasons == (ENDED,)
+    assert (await at.perform(Deselect())).startswith("selected")
+    await at.go(0.3)
+    status = at.station.status()
+    assert (status.state, status.reasons) == (State.SELECTED, (READY,))
+    assert at.flight.seen is not None
+    assert at.flight.seen.result is not None
+    assert at.flight.seen.result.box.xywh == pytest.approx(box_at(0), abs=2)
+    await at.passes.end()
     at.source.close()
