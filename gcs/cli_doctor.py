@@ -60,7 +60,7 @@ def _configuration(args: argparse.Namespace) -> tuple[Layered[Config], Result]:
     try:
         written = load_with_origins(args.config, args.profile)
     except ConfigError as error:
-        fix = "put that line right; `gcs config --explain KEY` shows what a key may be"
+        fix = "put that right; `gcs config --explain KEY` shows what a key may be"
         return load_with_origins(None, args.profile), fail("configuration", str(error), fix)
     names = [name for name in (args.config, args.profile and f"profile {args.profile}") if name]
     text = f"{' over '.join(names)}: {len(written.origins)} values set" if names else "the defaults"

@@ -18,7 +18,7 @@ from gcs.codec import VehicleId
 from gcs.config import VehicleConfig
 from gcs.doctor import judge_vehicle
 from gcs.doctor.check import Question, Result, Say, fail, skip
-from gcs.errors import GcsError
+from gcs.errors import GcsError, VehicleError, WireError
 from gcs.framing import Message, dialect
 from gcs.round_trip import RoundTrip
 from gcs.signing import open_signing, security
@@ -55,8 +55,18 @@ def vehicle(question: Question, say: Say) -> Iterator[Result]:
     wanted = replace(question.config.vehicle, url=question.vehicle)
     try:
         heard = asyncio.run(listen(wanted, question.watch_s, say))
-    except GcsError as error:
+    except WireError as error:
+        yield fail(
+            "vehicle", str(error), "the link cannot be opened: see `port of the link`, or give another --vehicle URL"
+        )
+        return
+    except VehicleError as error:
         yield fail("vehicle", str(error), "is it on, and does it send here? compare address, port and baud rate")
+        return
+    except GcsError as error:  # the key
+        yield fail(
+            "vehicle", str(error), "name the right key: --signing-key FILE, vehicle.signing_key (see `gcs keys`)"
+        )
         return
     yield from judge_vehicle.judge(heard, question)
 
