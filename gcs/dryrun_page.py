@@ -50,21 +50,36 @@ async def _run(options: Options, say: Say, tracker_factory: Callable[[TrackerCho
         poses = RecordedPoses.load(options.telemetry) if options.telemetry else None
         displays.starting("opening the video")
         source = await asyncio.to_thread(open_paced, options, clock)
-        displays.starting("loading the tracker")
-        tracker = await asyncio.to_thread(_load, config, tracker_factory)
-        passes = Passes(options, source, displays.say)
-        camera = options.camera or config.camera.model(*source.size)
-        flight = DryRunFlight(source, tracker, camera, config, clock, poses=poses, went=passes.went)
-        passes.follow(flight)
-        truth = read_boxes(options.truth) if options.truth is not None else None
-        given = options.box is not None or truth is not None
-        station = DryRunStation(flight, first_box(options, truth, source.size) if given else None)
-        async with displays.serve(station):
-            await _fly(flight, station, displays.say)
-        station.close()
-        return await passes.end()
+        try:
+            return await _desk(source, options, config, clock, displays, poses, tracker_factory)
+        finally:
+            await asyncio.to_thread(source.close)
     finally:
         await displays.close()
+
+
+async def _desk(
+    source: VideoSource,
+    options: Options,
+    config: Config,
+    clock: Clock,
+    displays: Displays,
+    poses: RecordedPoses | None,
+    tracker_factory: Callable[[TrackerChoice], BoxTracker],
+) -> Summary | None:
+    displays.starting("loading the tracker")
+    tracker = await asyncio.to_thread(_load, config, tracker_factory)
+    passes = Passes(options, source, displays.say)
+    camera = options.camera or config.camera.model(*source.size)
+    flight = DryRunFlight(source, tracker, camera, config, clock, poses=poses, went=passes.went)
+    passes.follow(flight)
+    truth = read_boxes(options.truth) if options.truth is not None else None
+    given = options.box is not None or truth is not None
+    station = DryRunStation(flight, first_box(options, truth, source.size) if given else None)
+    async with displays.serve(station):
+        await _fly(flight, station, displays.say, None if flight.place is Place.START else options.limit_s)
+    station.close()
+    return await passes.end()
 
 
 def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]) -> BoxTracker:
@@ -72,10 +87,12 @@ def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]
     return tracker_factory(config.tracker)
 
 
-async def _fly(flight: DryRunFlight, station: DryRunStation, say: Say) -> None:
-    """Until a signal, or the operator quits."""
+async def _fly(flight: DryRunFlight, station: DryRunStation, say: Say, limit_s: float | None) -> None:
+    """Until a signal, or the operator quits, or a live video has run for limit_s."""
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, flight.stop)
+    if limit_s is not None:
+        asyncio.get_running_loop().call_later(limit_s, flight.stop)
     async with asyncio.TaskGroup() as group:
         selecting = group.create_task(_begin(station, say))
         await flight.run()
