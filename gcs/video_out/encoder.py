@@ -15,9 +15,10 @@ from gcs.video.frame import Image
 
 TICKS_HZ: Final = 90_000  # RTP's clock for video (RFC 6184)
 TIME_BASE: Final = Fraction(1, TICKS_HZ)
-_BUFFER_S: Final = 0.4  # of the bit rate: bounds how long a key frame is on the way
+_BUFFER_S: Final = 0.25  # of the bit rate: bounds how long a key frame is on the way
 _KEY_FRAMES: Final = 600  # where nobody asks for one in between
 _USUAL_FPS: Final = 25.0
+_RATE_OFF: Final = 1.25  # times: the bit rate is shared out by pictures, not by time, which would cost one of delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +49,11 @@ class Encoder:
 
         self._av: Any = av
         self.size = size
-        rate = fps if fps is not None and 1.0 <= fps <= 120.0 else _USUAL_FPS
+        self._fps = _known(fps)
         context = av.CodecContext.create("libx264", "w")
         context.width, context.height = size[0] // 2 * 2, size[1] // 2 * 2
         context.pix_fmt = "yuv420p"
-        context.time_base, context.framerate = TIME_BASE, Fraction(round(rate * 1000), 1000)
+        context.time_base, context.framerate = TIME_BASE, Fraction(round(self._fps * 1000), 1000)
         context.bit_rate = bitrate_kbps * 1000
         context.gop_size, context.max_b_frames, context.thread_count = _KEY_FRAMES, 0, 1
         context.options = {
@@ -64,6 +65,11 @@ class Encoder:
             "bufsize": str(round(bitrate_kbps * 1000 * _BUFFER_S)),
         }
         self._context: Any = context
+
+    def suits(self, size: tuple[int, int], fps: float | None) -> bool:
+        """It still keeps to its bit rate with these pictures; another size it cannot encode at all."""
+        off = _known(fps) / self._fps
+        return size == self.size and 1 / _RATE_OFF <= off <= _RATE_OFF
 
     def encode(self, image_bgr: Image, seq: int, ticks: int, *, key: bool) -> Coded:
         """The picture (H, W, 3) of this size; ticks must grow. GcsError where it cannot be encoded."""
@@ -78,6 +84,10 @@ class Encoder:
         except (self._av.FFmpegError, ValueError) as error:
             raise GcsError(f"video out: {width}x{height} px cannot be encoded ({error})") from error
         return Coded(seq, ticks, b"".join(bytes(each) for each in packets), any(each.is_keyframe for each in packets))
+
+
+def _known(fps: float | None) -> float:
+    return fps if fps is not None and 1.0 <= fps <= 120.0 else _USUAL_FPS
 
 
 def parameter_sets(size: tuple[int, int], bitrate_kbps: int) -> tuple[bytes, bytes]:

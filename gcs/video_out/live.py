@@ -8,7 +8,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -20,6 +19,7 @@ from gcs.flight_control import Tick
 from gcs.flight_view import Sighting, overlay
 from gcs.operator.station import Station
 from gcs.video_out.encoder import TICKS_HZ, Coded, Encoder, parameter_sets
+from gcs.video_out.own_thread import on_own_thread
 
 _KEY_EVERY_S: Final = 1.0  # at the latest: a receiver that lost something is well again by then
 _KEY_APART_S: Final = 0.2  # at the soonest, however often they are asked for
@@ -78,8 +78,7 @@ class LiveStream:
 
     async def parameter_sets(self) -> tuple[bytes, bytes]:
         """(SPS, PPS) of the station's pictures."""
-        with ThreadPoolExecutor(1) as own:  # loading PyAV takes a while, and the default threads are MAVSDK's too
-            return await self._loop.run_in_executor(own, parameter_sets, self._station.size, self._bitrate_kbps)
+        return await on_own_thread(partial(parameter_sets, self._station.size, self._bitrate_kbps))
 
     async def close(self) -> None:
         """End the thread."""
@@ -137,14 +136,13 @@ class LiveStream:
         key_s = -math.inf
         while (work := self._next()) is not None:
             sighting, ticks = work
-            frame, now_s = sighting.seen.frame, self._now_s()
-            height, width = frame.image_bgr.shape[:2]
+            image, now_s = sighting.seen.frame.image_bgr, self._now_s()
+            size, fps = (image.shape[1], image.shape[0]), sighting.status.video_fps
+            key = now_s - key_s >= (_KEY_APART_S if self._key_wanted else _KEY_EVERY_S)
             try:
-                if encoder is None or encoder.size != (width, height):
-                    encoder, key_s = Encoder((width, height), self._bitrate_kbps, sighting.status.video_fps), -math.inf
-                key = now_s - key_s >= (_KEY_APART_S if self._key_wanted else _KEY_EVERY_S)
-                image = self._drawn(sighting) if self._annotated else frame.image_bgr
-                coded = encoder.encode(image, frame.seq, ticks, key=key)
+                if encoder is None or encoder.size != size or (key and not encoder.suits(size, fps)):
+                    encoder, key = Encoder(size, self._bitrate_kbps, fps), True
+                coded = encoder.encode(self._drawn(sighting), sighting.seen.frame.seq, ticks, key=key)
             except GcsError as error:
                 self.problem, encoder = str(error), None
                 continue
@@ -157,6 +155,8 @@ class LiveStream:
             self._loop.call_soon_threadsafe(what)
 
     def _drawn(self, sighting: Sighting) -> hud.Image:
+        if not self._annotated:
+            return sighting.seen.frame.image_bgr
         return hud.draw(sighting.seen.frame.image_bgr, overlay(sighting, self._station.watermark))
 
     def _deliver(self, coded: Coded) -> None:

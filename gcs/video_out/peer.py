@@ -26,7 +26,6 @@ _CONNECT_S: Final = 15.0
 _MOST_QUEUED: Final = 15
 _TOLD: Final = 8  # frame numbers repeated in each message, as messages may get lost
 _MOST_UNSENT_BYTES: Final = 16 * 1024
-_ENDED: Final = ("failed", "closed")
 
 
 class Peer:
@@ -46,11 +45,13 @@ class Peer:
         self._track = _Track(stream, self._sending)
         self._told: deque[tuple[int, int]] = deque(maxlen=_TOLD)
         self._sent: Coded | None = None
-        self._closing: asyncio.Task[None] | None = None
+        self._ended = False
+        self._closing: asyncio.Task[None] | None = None  # kept, lest it be collected before its end
 
     async def answer(self, offer_sdp: str) -> str:
         """Take the offer; GcsError where it cannot be answered, and then this has ended."""
         connection = self._connection
+        asyncio.get_running_loop().call_later(_CONNECT_S, self._check)
         try:
             transceiver = connection.addTransceiver(self._track, direction="sendonly")
             codecs = RTCRtpSender.getCapabilities("video").codecs
@@ -65,22 +66,27 @@ class Peer:
             raise GcsError(
                 f"the browser's offer cannot be answered: {one_line(error) or type(error).__name__}"
             ) from None
-        asyncio.get_running_loop().call_later(_CONNECT_S, self._check)
         return str(connection.localDescription.sdp)
 
     async def close(self) -> None:
         """End it."""
+        self._ended = True
         self._gone(self)
         self._track.stop()
         await self._connection.close()
 
     def _changed(self) -> None:
-        if self._connection.connectionState in _ENDED and self._closing is None:
-            self._closing = asyncio.create_task(self.close(), name="webrtc peer ends")
+        if self._connection.connectionState in ("failed", "closed"):
+            self._end()
 
     def _check(self) -> None:
-        if self._connection.connectionState != "connected" and self._closing is None:
-            self._closing = asyncio.create_task(self.close(), name="webrtc peer never came")
+        if self._connection.connectionState != "connected":
+            self._end()
+
+    def _end(self) -> None:
+        if not self._ended:
+            self._ended = True
+            self._closing = asyncio.create_task(self.close(), name="webrtc peer ends")
 
     # -- which picture is which ---------------------------------------------------------------------------
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from gcs.errors import GcsError
 from gcs.operator.station import Station
 from gcs.video_out.live import LiveStream
+from gcs.video_out.own_thread import on_own_thread
 
 if TYPE_CHECKING:
     from gcs.video_out.peer import Peer
@@ -40,7 +41,7 @@ class Peers:
         async with self._one_by_one:
             if len(self._peers) >= _MOST_PEERS:
                 raise GcsError(f"{_MOST_PEERS} browsers take WebRTC already")
-            module = await _loaded()
+            module = await load()
             if self._stream is None:
                 self._stream = LiveStream(self.station, _BITRATE_KBPS, annotated=False)
             peer = module.Peer(self._stream, self._peers.discard)
@@ -56,7 +57,6 @@ class Peers:
             self._stream = None
 
 
-async def _loaded() -> Any:
-    """aiortc takes half a second to load: not on the event loop, nor on the default threads."""
-    with ThreadPoolExecutor(1) as own:
-        return await asyncio.get_running_loop().run_in_executor(own, import_module, "gcs.video_out.peer")
+async def load() -> Any:
+    """The module of one peer; with it comes aiortc, which takes half a second."""
+    return await on_own_thread(partial(import_module, "gcs.video_out.peer"))

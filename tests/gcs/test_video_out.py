@@ -226,6 +226,24 @@ async def test_pictures_may_change_their_size_and_odd_ones_lose_a_row():
     assert [picture.shape for picture in taken.pictures()] == [(480, 640, 3)] * 2
 
 
+async def test_the_bit_rate_is_kept_when_pictures_come_more_often_than_at_first():
+    now = [100.0]
+    station = NumberedStation(SIZE, now_s=lambda: now[0])
+    station.base = replace(station.base, video_fps=5.0)
+    async with streaming(station, now_s=lambda: now[0]) as (_, taken):
+        await shown(station, taken)
+        station.base = replace(station.base, video_fps=30.0)
+        await shown(station, taken)
+        now[0] += 1.0
+        await shown(station, taken)
+        now[0] += 1.0
+        await shown(station, taken)
+    first, between, second, third = taken
+    assert not between.is_key  # it is changed only where a key frame is due anyway
+    assert nal_units(first.data)[0] != nal_units(second.data)[0] == nal_units(third.data)[0]
+    assert [number_of(picture) for picture in taken.pictures()] == [1, 2, 3, 4]
+
+
 async def test_where_no_picture_comes_any_more_the_state_still_does():
     now = [100.0]
     station = NumberedStation(SIZE, now_s=lambda: now[0])

@@ -17,6 +17,8 @@ from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
 from gcs.errors import GcsError
 from gcs.operator.web import webrtc
 from gcs.video_out import peer, peers
+from gcs.video_out.encoder import Coded
+from gcs.video_out.live import LiveStream
 from gcs.video_out.peers import Peers
 from tests.gcs.numbered import NumberedStation, number_of
 
@@ -131,6 +133,27 @@ async def test_one_that_never_connects_is_forgotten(serving, monkeypatch):
     assert serving.count == 1
     await soon(lambda: serving.count == 0)
     await receiver.connection.close()
+
+
+async def test_one_that_falls_behind_goes_on_with_a_key_frame(station):
+    stream = LiveStream(station, 1000, annotated=False)
+    given: list[Coded] = []
+    track = peer._Track(stream, given.append)
+    first = asyncio.create_task(track.recv())
+    await soon(lambda: given and first.done())
+    assert given[0].is_key
+    while not track._needs_key:  # nothing is taken any more, until there is too much
+        await asyncio.sleep(0)
+    await track.recv()
+    assert given[1].is_key
+    assert given[1].seq > given[0].seq + peer._MOST_QUEUED
+    track.stop()
+    await stream.close()
+
+
+def test_addresses_that_a_browser_hides_are_not_looked_up():
+    known = "a=candidate:2 1 udp 2113937151 192.168.1.7 50001 typ host\r\n"
+    assert peer._without_hidden("v=0\r\n" + HIDDEN + known) == "v=0\r\n" + known
 
 
 async def test_for_the_page_it_is_one_set_of_peers_a_station(station):
