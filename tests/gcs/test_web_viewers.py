@@ -39,6 +39,13 @@ class TestShown:
             assert (await browser.hear("starting"))["text"] == "the flight has ended"
             assert not (await browser.ask("land"))["ok"]
 
+    async def test_who_waits_is_reminded_that_somebody_is_there(self, monkeypatch):
+        monkeypatch.setattr("gcs.operator.web.server._REMIND_S", 0.01)
+        async with web_rig(attached=False) as rig:
+            browser = await rig.browser()
+            for _ in range(3):
+                await browser.hear("starting")
+
     async def test_each_frame_by_its_number(self):
         async with web_rig() as rig:
             browser = await rig.browser()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import statistics
 import sys
@@ -65,6 +66,8 @@ class Rig:
     async def __aenter__(self) -> Rig:
         await self.page.open()
         self.page.attach(self.station)
+        gc.collect()
+        gc.freeze()  # as a flight does before it flies
         self._running = asyncio.create_task(self.station.run(FPS))
         return self
 
@@ -115,7 +118,7 @@ def overlay_us(rig: Rig, lookers: int, times: int = 2000) -> float:
 
     class Looker:
         wants_picture = wants_candidates = False
-        text = b""
+        text, name = b"", "page"
 
         def put(self, kind: str, data: bytes) -> None:
             self.text = data

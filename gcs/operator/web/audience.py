@@ -19,6 +19,11 @@ class Looker(Protocol):
     """Somebody who looks, by a WebSocket or at the plain stream of pictures."""
 
     @property
+    def name(self) -> str:
+        """As which it may be in control; empty: as nobody."""
+        ...
+
+    @property
     def wants_picture(self) -> bool:
         """Another picture could be sent now."""
         ...
@@ -97,7 +102,7 @@ class Audience:
     def put_each(self, kind: str, data: bytes, other: bytes, who: str) -> None:
         """`other` for who bears this name, `data` for everybody else."""
         for looker in self._lookers:
-            looker.put(kind, other if getattr(looker, "name", None) == who else data)
+            looker.put(kind, other if looker.name == who else data)
 
     def put_candidates(self, data: bytes) -> None:
         """For those who ask for them."""

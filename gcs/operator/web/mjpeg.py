@@ -18,6 +18,7 @@ _STUCK_S: Final = 10.0
 class MjpegStream:
     """One who looks at it; a slow one misses pictures."""
 
+    name = ""
     wants_candidates = False
     wants_picture = True
 

@@ -6,7 +6,6 @@ It is there from the program's first second and says what is waited for, until a
 from __future__ import annotations
 
 import asyncio
-import importlib.metadata
 import ipaddress
 import logging
 import socket
@@ -63,6 +62,7 @@ class Page:
         self._starting = "starting"
         self._stage: Stage | None = None
         self._reminding: asyncio.Task[None] | None = None
+        self._ending: list[asyncio.Task[None]] = []
         self._names = 0
         self._port = config.port
         self._runner = web.AppRunner(
@@ -124,6 +124,7 @@ class Page:
         if stage is not None:
             stage.close()
             self._audience.starting(self._starting)
+            self._ending.append(asyncio.get_running_loop().create_task(extras.close_webrtc()))
 
     def say(self, text: str) -> None:
         """A line for everybody's list of messages."""
@@ -135,7 +136,7 @@ class Page:
         if self._reminding is not None:
             self._reminding.cancel()
         await self._audience.close(WSCloseCode.GOING_AWAY, "the station has ended")
-        await extras.close_webrtc()
+        await asyncio.gather(*self._ending)
         await self._runner.cleanup()
 
     def _told(self, viewer: Viewer | None, name: str, text: str) -> None:
@@ -208,8 +209,8 @@ class Page:
             viewer=viewer.name,
             size=station.size,
             watermark=station.watermark,
-            webrtc=extras.has_webrtc(),
-            version=importlib.metadata.version("climrt-gcs"),
+            webrtc=stage.has_webrtc,
+            version=stage.version,
         )
         viewer.put("station", welcome.encode())
         stage.feed.catch_up()

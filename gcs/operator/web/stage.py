@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.metadata
 from collections.abc import Callable
 from typing import Final
 
@@ -10,6 +11,7 @@ from gcs.clock import Clock
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
+from gcs.operator.web import extras
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.desk import Desk
 from gcs.operator.web.feed import Feed
@@ -32,6 +34,9 @@ class Stage:
         told: Callable[[Viewer | None, str, str], None],
     ) -> None:
         self.station = station
+        # Read and imported now: a viewer that comes in flight must cost no tick.
+        self.has_webrtc = extras.has_webrtc()
+        self.version = importlib.metadata.version("climrt-gcs")
         self._audience = audience
         self._waiting: list[asyncio.Future[Picture]] = []
         self._open = True

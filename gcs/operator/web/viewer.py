@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import struct
 from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Final
@@ -22,6 +23,7 @@ _UNSEEN: Final = 2  # pictures on their way, or not yet shown
 _LINES: Final = 200
 _REASON_BYTES: Final = 120  # of a closing WebSocket
 _CLOSE_S: Final = 1.0
+_CODE: Final = struct.Struct("!H")
 
 Handle = Callable[["Viewer", Asked], Awaitable[None]]
 
@@ -106,7 +108,7 @@ class Viewer:
         try:
             why = await self._receive(handle)
             if why is not None:
-                await self._leave(*why)
+                await self._throw_out(*why)
         finally:
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -116,10 +118,13 @@ class Viewer:
         """From our side, with a reason for its user."""
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(_CLOSE_S):
-                await self._ws.close(code=code, message=reason.encode()[:_REASON_BYTES])
+                await self._ws.close(code=code, message=_reason(reason))
 
-    async def _leave(self, code: int, reason: str) -> None:
-        await self.close(code, reason)
+    async def _throw_out(self, code: int, reason: str) -> None:
+        """Told why, but not waited for: whatever else it has sent by now is not even read."""
+        with contextlib.suppress(TimeoutError, ConnectionError):
+            async with asyncio.timeout(_CLOSE_S):
+                await self._ws.send_frame(_CODE.pack(code) + _reason(reason), WSMsgType.CLOSE)
 
     async def _sending(self) -> None:
         with contextlib.suppress(ConnectionError):  # it has left: `run` hears of it too
@@ -160,3 +165,8 @@ class Viewer:
                 return False
         self.answer(asked, True, "")
         return True
+
+
+def _reason(text: str) -> bytes:
+    """As much as a closing WebSocket can carry."""
+    return text.encode()[:_REASON_BYTES].decode(errors="ignore").encode()
