@@ -35,8 +35,6 @@ def main(args: argparse.Namespace) -> int:
         raise GcsError(f"--speed {speed:g}: must be from {_LEAST_SPEED:g} to {_MOST_SPEED:g}")
     screen, clock = Screen(sys.stdout), MonotonicClock()
     log, film = open_flight(Path(args.flight))
-    if film.problem is not None:
-        screen.say(film.problem)
     if not args.page:
         play_lines(log, film, speed, screen, clock)
         return 0
@@ -65,6 +63,8 @@ def station_of(film: Film) -> ReplayStation:
 
 def play_lines(log: FlightLog, film: Film, speed: float, screen: Screen, clock: Clock) -> None:
     """Each change as a line with its time, and one now and then."""
+    if film.problem is not None:
+        screen.say(film.problem)
     station = station_of(film)
     player = Player(log, film, clock, speed, lambda moment: None)
     said, due_s = "", log.start_s

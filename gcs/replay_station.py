@@ -102,12 +102,11 @@ class ReplayStation:
         vehicle = tick.inputs.vehicle if tick is not None else VehicleState()
         held = tick.held if tick is not None else None
         warnings = tuple(cause.value for cause in tick.output.warnings) if tick is not None else ()
-        if self.has_ended:
-            warnings = (*warnings, "the recording has ended")
         now_s = self._now_s
         status = make_status(now_s, tick, vehicle, held, self._follow, self._rate.fps, warnings, self._link)
         return replace(
             status,
+            reasons=("the recording has ended",) if self.has_ended else status.reasons,
             budget=self._budgets.at(now_s),
             follow_mode=self._mode,
             selection=self._selection,

@@ -79,6 +79,8 @@ def _problems(folder: Path, log: FlightLog, tally: Tally) -> list[str]:
         found.append(f"{log.damaged} messages cannot be read")
     if log.is_cut:
         found.append("the last message is cut off: the program did not end in order")
+    if tally.ends_engaged:
+        found.append("the record ends in the middle of a follow: the program did not end in order")
     if not any((folder / name).exists() for name in (VIDEO, ANNOTATED)):
         found.append("there is no film")
     return found

@@ -190,6 +190,11 @@ class Tally:
         if len(self.events) < _MOST_EVENTS:
             self.events.append(Event(t_s - self.start_s, kind, text))
 
+    @property
+    def ends_engaged(self) -> bool:
+        """Whether the last message finds the vehicle still ours: no orderly end leaves that."""
+        return self._last is not None and (self._last.output.engaging or self._last.output.state in _FOLLOWED)
+
     # -- results ------------------------------------------------------------------------------------------
 
     def following(self) -> Following:

@@ -47,8 +47,9 @@ def _latency(report: Report) -> Iterator[str]:
     total = spread.get("total")
     if total is not None:
         yield _row("latency", f"{total.median_ms:.0f} ms median, {total.p95_ms:.0f} ms p95, light to command")
-    parts = (f"{_NAMES.get(k, k)} {v.median_ms:.0f}/{v.p95_ms:.0f}" for k, v in spread.items() if k != "total")
-    yield _row("", ", ".join(parts) + " ms")
+    parts = [f"{_NAMES.get(k, k)} {v.median_ms:.0f}/{v.p95_ms:.0f}" for k, v in spread.items() if k != "total"]
+    yield _row("", "median/p95: " + ", ".join(parts[:4]))
+    yield _row("", "            " + ", ".join(parts[4:]) + " ms")
 
 
 def _rest(report: Report) -> Iterator[str]:

@@ -179,6 +179,10 @@ def test_a_flight_broken_off_plays_as_far_as_it_went(folder: Path) -> None:
     assert len(set(last.frame.image_bgr.ravel().tolist())) == 1
     assert last.result is not None  # there is no overlay in a grey picture: the page draws it
     assert watching.ticks[-1].output.state in (State.FOLLOWING, State.COASTING)
+    assert any("middle of a follow" in said for said in report.report_of(folder).problems)
+    assert station.status().reasons != ("the recording has ended",)
+    station.has_ended = True
+    assert station.status().reasons == ("the recording has ended",)
     (folder / VIDEO).unlink()
     assert "no film" in (open_flight(folder)[1].problem or "")
 
