@@ -119,13 +119,13 @@ Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
 class FlightLog:
     """Of one flight folder, or of a flight broken off at any moment. Raises ReplayError where there is none.
 
-    dropped: messages that the station could not write in time. damaged: lines that cannot be read. is_cut: in the
-    middle of its last line, as a program leaves it that was ended by force.
+    dropped: messages that the station could not write in time. is_cut: in the middle of its last line, as a program
+    leaves it that was ended by force.
     """
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / MESSAGES
-        self.dropped = self.damaged = 0
+        self.dropped = self._broken = self._unread = 0
         self.is_cut = False
         self._times_s, self._offsets = array("d"), array("q")
         self._decoder = msgspec.json.Decoder(_Line)
@@ -136,6 +136,8 @@ class FlightLog:
             raise ReplayError(f"{self.path}: {(error.strerror or str(error)).lower()}") from error
         if not self._times_s:
             raise ReplayError(f"{self.path}: no flight in it")
+        if next(iter(self), None) is None:  # a dry run without a page thinks in other messages
+            raise ReplayError(f"{self.path}: no message of a flight in it can be read")
 
     def _index(self) -> None:
         decode = msgspec.json.Decoder(_Head).decode
@@ -146,7 +148,7 @@ class FlightLog:
                     head = decode(line)
                 except (msgspec.DecodeError, UnicodeDecodeError):
                     if line.endswith(b"\n"):
-                        self.damaged, written = self.damaged + 1, written + 1
+                        self._broken, written = self._broken + 1, written + 1
                     else:
                         self.is_cut = True
                 else:
@@ -170,8 +172,14 @@ class FlightLog:
         """From the first message to the last."""
         return max(self._times_s) - self._times_s[0]
 
+    @property
+    def damaged(self) -> int:
+        """Lines that cannot be read, once all have been gone through."""
+        return self._broken + self._unread
+
     def __iter__(self) -> Iterator[Entry]:
         """All messages in order, decoded one after the other."""
+        self._unread = 0
         with self.path.open("rb") as file:
             for offset in self._offsets:
                 file.seek(offset)
@@ -184,5 +192,5 @@ class FlightLog:
             row = self._decoder.decode(line)
             return row.t_s, row.frame, self._decoders[row.type].decode(row.data)
         except (msgspec.DecodeError, UnicodeDecodeError, KeyError):
-            self.damaged += 1
+            self._unread += 1
             return None

@@ -208,6 +208,9 @@ def test_a_folder_without_a_flight_is_one_line(tmp_path: Path) -> None:
     (tmp_path / MESSAGES).write_bytes(b'{"n":0,"t_s":1.0,"type":"Tracked","frame":0,"data":{}}\n')
     with pytest.raises(ReplayError, match="no flight in it"):
         open_flight(tmp_path)
+    (tmp_path / MESSAGES).write_bytes(b'{"n":0,"t_s":1.0,"type":"Tick","frame":null,"data":{"would_be":null}}\n')
+    with pytest.raises(ReplayError, match="no message of a flight"):
+        open_flight(tmp_path)
 
 
 def args(folder: Path, **more: object) -> argparse.Namespace:
