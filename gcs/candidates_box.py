@@ -1,7 +1,7 @@
 """The box round what stands at a point: GrabCut in windows of growing size, and what most of them agree on.
 
 Rother, Kolmogorov and Blake, "GrabCut" (2004), as in OpenCV. A window too small cuts parts of the thing, one too large
-its surroundings; where neighbouring windows find the same outline, and it differs from what is round it, there is a thing.
+its surroundings; where neighbouring windows find the same outline, and that stands out, there is a thing.
 """
 
 from __future__ import annotations
