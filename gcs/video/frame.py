@@ -16,6 +16,7 @@ Image = npt.NDArray[np.uint8]
 MAX_SIDE_PX = 4096
 MAX_AREA_PX = 4096 * 2160
 OPEN_TIMEOUT_S = 5.0
+SILENT_S = 3.0  # a stream that sends nothing for so long is opened anew
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from gcs.video.frame import Decoded, Decoder, Frame, check_size
 
 FIRST_BACKOFF_S = 0.25
 MAX_BACKOFF_S = 2.0  # longer, and a drone that is back must wait; nobody is hurt by a try every two seconds
-CLOSE_WAIT_S = 1.5  # a blocked read ends by itself after OPEN_TIMEOUT_S, and nobody need wait for it
+CLOSE_WAIT_S = 1.5  # a blocked read ends by itself after SILENT_S, and nobody need wait for it
 QUIET_S = 1.0
 BEHIND_S = 0.3
 

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from gcs.errors import VideoError
-from gcs.video.frame import OPEN_TIMEOUT_S, Decoded, check_size, redact
+from gcs.video.frame import SILENT_S, Decoded, check_size, redact
 
 MAX_PART_BYTES = 32 * 1024 * 1024
 MAX_LINE_BYTES = 4096
@@ -30,7 +30,7 @@ class NotMjpegError(VideoError):
 
 
 class MjpegDecoder:
-    """One HTTP answer without end. Raises VideoError if refused or silent for `OPEN_TIMEOUT_S`."""
+    """One HTTP answer without end. Raises VideoError if refused or silent for `SILENT_S`."""
 
     fps: float | None = None
     frame_count: int | None = None
@@ -39,7 +39,7 @@ class MjpegDecoder:
         self._name = redact(url)
         try:
             # The caller's own address from the command line or the configuration, http(s) only: see open.py.
-            self._answer: IO[bytes] = urllib.request.urlopen(_request(url), timeout=OPEN_TIMEOUT_S)
+            self._answer: IO[bytes] = urllib.request.urlopen(_request(url), timeout=SILENT_S)
         except urllib.error.HTTPError as error:
             error.close()
             raise VideoError(f"{self._name}: the server answered {error.code} {error.reason}") from error
@@ -142,5 +142,5 @@ def _request(url: str) -> urllib.request.Request:
 
 def _reason(error: object) -> str:
     if isinstance(error, TimeoutError):
-        return f"silent for {OPEN_TIMEOUT_S:.0f} s"
+        return f"silent for {SILENT_S:.0f} s"
     return str(getattr(error, "strerror", None) or error).lower()

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from gcs.errors import VideoError
-from gcs.video.frame import OPEN_TIMEOUT_S, Decoded, check_size, nominal_fps, redact
+from gcs.video.frame import OPEN_TIMEOUT_S, SILENT_S, Decoded, check_size, nominal_fps, redact
 from gcs.video.rtp import PROTOCOLS, as_opened, rtsp_transport
 
 # FFmpeg would hold back about a second of a stream while it guesses the format; for files the guess is free.
@@ -32,7 +32,7 @@ LIVE_OPTIONS = {
 # OpenCV reads this once, at the process's first use of FFmpeg (a writer counts), so it is set on import.
 # What FFmpeg says per broken packet would bury our own one line; whoever wants it sets the variable himself.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(round(OPEN_TIMEOUT_S)))  # of a camera that stalls
+os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(round(SILENT_S)))  # of a camera that stalls
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 _environment_lock = threading.Lock()
@@ -146,5 +146,5 @@ def _joined(options: dict[str, str]) -> str:
 
 def _open(address: str) -> cv2.VideoCapture:
     timeout_ms = int(OPEN_TIMEOUT_S * 1000)
-    limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
+    limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, int(SILENT_S * 1000)]
     return cv2.VideoCapture(address, cv2.CAP_FFMPEG, limits)

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from gcs.errors import VideoError
-from gcs.video.frame import OPEN_TIMEOUT_S
+from gcs.video.frame import SILENT_S
 
 BEHIND_S: Final = 0.25  # what waits longer than this makes room for what is newer
 MOST_PACKETS: Final = 2000
+_WAIT_S: Final = SILENT_S + 0.5  # FFmpeg itself should say so first
 _KEY = re.compile(rb"\x00\x00\x01[\x25\x27\x45\x47\x65\x67]")  # H.264: parameters, or a whole picture, begin
 _HEAD: Final = 64
 
@@ -37,9 +38,9 @@ class PacketQueue:
     def get(self) -> tuple[Any, float]:
         """The oldest packet and when it came; waits. Raises what ended the stream, VideoError where it is silent."""
         with self._changed:
-            come = self._changed.wait_for(lambda: self._waiting or self._error or self._stop, OPEN_TIMEOUT_S)
+            come = self._changed.wait_for(lambda: self._waiting or self._error or self._stop, _WAIT_S)
             if not come:
-                raise VideoError(f"{self._name}: nothing came for {OPEN_TIMEOUT_S:.0f} s")
+                raise VideoError(f"{self._name}: nothing came for {SILENT_S:.0f} s")
             if not self._waiting:
                 raise self._error or StopIteration
             if self._is_behind():

@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from gcs.errors import VideoError
-from gcs.video.frame import OPEN_TIMEOUT_S, Decoded, check_size, nominal_fps, redact
+from gcs.video.frame import OPEN_TIMEOUT_S, SILENT_S, Decoded, check_size, nominal_fps, redact
 from gcs.video.packets import PacketQueue
-from gcs.video.rtp import PROTOCOLS, as_opened, is_packet_stream, rtsp_transport
+from gcs.video.rtp import PROTOCOLS, as_opened, may_be_mpegts, rtsp_transport
 
 # Joining a stream between two key frames, the decoder refuses everything up to the next one; some cameras send one
 # in ten seconds.
@@ -28,11 +28,12 @@ LIVE_OPTIONS: Final = {
     "overrun_nonfatal": "1",
     "protocol_whitelist": PROTOCOLS,
 }
-# Of a packet stream FFmpeg's parser gives a picture only when the next one has begun. An H.264 decoder that takes
-# slices as they come (`chunks`) needs no parser, and gives the picture with its last slice.
-PACKET_OPTIONS: Final = {"fflags": "+noparse+nofillin"}
-_IN_SLICES: Final = frozenset({"h264"})
-_IN_PICTURES: Final = frozenset({"mjpeg", "vp8", "vp9", "av1", "rawvideo"})
+# FFmpeg's parser gives a picture only when the next one has begun. In MPEG-TS a packet is a whole picture already,
+# and an H.264 decoder that takes slices as they come (`chunks`) needs no parser. RTP's packets are pieces of pictures.
+MPEGTS_OPTIONS: Final = {"fflags": "+noparse+nofillin"}
+_UNPARSED: Final = frozenset({"h264", "mjpeg"})
+_MOST_PES_BYTES: Final = 200 * 1024  # FFmpeg cuts larger pictures in pieces of this size (less a little)
+_LEAST_PIECE_BYTES: Final = _MOST_PES_BYTES - 188
 
 
 def is_installed() -> bool:
@@ -54,11 +55,11 @@ class AvDecoder:
         self._name = redact(address)
         av.logging.set_libav_level(av.logging.PANIC)  # its reasons come as exceptions, not on the screen
         options = {**LIVE_OPTIONS, **rtsp_transport(address)} if live else {}
-        if live and is_packet_stream(address):
-            options |= PACKET_OPTIONS
+        if live and may_be_mpegts(address):
+            options |= MPEGTS_OPTIONS
         try:
             with as_opened(address) as opened:
-                self._container: Any = av.open(opened, options=options, timeout=(OPEN_TIMEOUT_S, OPEN_TIMEOUT_S))
+                self._container: Any = av.open(opened, options=options, timeout=(OPEN_TIMEOUT_S, SILENT_S))
         except (av.FFmpegError, OSError, ValueError) as error:
             raise VideoError(f"{self._name}: {_reason(error)}") from error
         try:
@@ -68,11 +69,12 @@ class AvDecoder:
             raise
         self._context: Any = self._stream.codec_context
         self._context.thread_count = 1
-        codec = self._context.name
-        self._parsed = not live or not options.get("fflags") or codec in _IN_SLICES | _IN_PICTURES
-        if live and self._parsed and codec in _IN_SLICES:
+        unparsed, codec = "fflags" in options, self._context.name
+        self._in_pieces = unparsed and self._container.format.name == "mpegts" and codec in _UNPARSED
+        self._parses = unparsed and not self._in_pieces
+        self._piece = b""
+        if self._in_pieces:
             self._context.flags2 |= int(av.codec.context.Flags2.chunks)
-        self._time_base = self._stream.time_base
         self._fps = nominal_fps(float(self._stream.average_rate or 0.0))
         self._packets = iter(self._container.demux(self._stream))
         self._queue = PacketQueue(self._packets, self._container.close, self._name) if live else None
@@ -144,9 +146,14 @@ class AvDecoder:
         return self._queue.get()
 
     def _decode(self, packet: Any) -> list[Any]:
-        if self._parsed:
-            return list(self._context.decode(packet))
-        return [frame for each in self._context.parse(bytes(packet)) for frame in self._context.decode(each)]
+        if self._parses:
+            return [frame for each in self._context.parse(bytes(packet)) for frame in self._context.decode(each)]
+        if self._in_pieces and (self._piece or packet.size > _LEAST_PIECE_BYTES):
+            self._piece += bytes(packet)
+            if packet.size > _LEAST_PIECE_BYTES:
+                return []  # the rest of the picture comes
+            packet, self._piece = self._av.Packet(self._piece), b""
+        return list(self._context.decode(packet))
 
     def close(self) -> None:
         """Never waits: of a live stream the thread that reads closes it, when its read comes back."""
@@ -161,7 +168,7 @@ def _reason(error: Exception) -> str:
     strerror = getattr(error, "strerror", None)
     reason = str(strerror or error).splitlines()[0].lower()
     if reason.startswith("immediate exit"):
-        return f"nothing came within {OPEN_TIMEOUT_S:.0f} s"
+        return f"nothing came for {SILENT_S:.0f} s"
     if reason.startswith("invalid data"):
         return "no video that can be read (another format, encrypted or damaged)"
     return reason

@@ -16,7 +16,6 @@ from gcs.video.frame import redact
 PROTOCOLS: Final = "file,crypto,data,rtp,srtp,udp,tcp,tls,rtsp,rtsps,rtmp,rtmps,srt,http,https,httpproxy"
 CODECS: Final = {"h264": "H264", "h265": "H265", "hevc": "H265"}
 PAYLOAD: Final = 96  # as QGroundControl, GStreamer and FFmpeg number the first dynamic format
-_PACKET_SCHEMES: Final = frozenset({"udp", "rtp", "rtsp", "rtsps", "srt"})
 
 
 def is_sdp(address: str) -> bool:
@@ -24,9 +23,9 @@ def is_sdp(address: str) -> bool:
     return "://" not in address and address.lower().endswith(".sdp")
 
 
-def is_packet_stream(address: str) -> bool:
-    """MPEG-TS or RTP: video in small packets."""
-    return is_sdp(address) or urlsplit(address).scheme.lower() in _PACKET_SCHEMES
+def may_be_mpegts(address: str) -> bool:
+    """Whether the address is one that MPEG-TS comes from."""
+    return urlsplit(address).scheme.lower() in ("udp", "srt")
 
 
 def rtsp_transport(address: str) -> dict[str, str]:

@@ -287,7 +287,7 @@ def test_http_refusals_are_one_line() -> None:
 
 
 def test_a_silent_server_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mjpeg_module, "OPEN_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(mjpeg_module, "SILENT_S", 0.2)
     server = MjpegServer()
     with pytest.raises(VideoError, match="silent"):
         open_source(server.url)
