@@ -51,6 +51,13 @@ async def test_what_is_not_real_is_framed(browser: Any, watermark: str | None) -
             assert frame["width"] == pytest.approx(frame["height"] * 4 / 3, abs=2)  # round the picture
 
 
+async def test_every_module_is_asked_for_at_once(desk: Desk) -> None:
+    """Else they would come one after the other, as each names the next."""
+    names = {name for name in desk.served.files if name.endswith(".js")} - {"webrtc.js"}
+    index = desk.served.files["index.html"].body.decode()
+    assert {name for name in names if f'"/static/{name}"' in index} == names
+
+
 async def test_ages_count_and_warn(desk: Desk) -> None:
     page = await desk.open()
     for age_s, level in ((0.1, ""), (1.5, "amber"), (4.0, "red")):
@@ -59,6 +66,8 @@ async def test_ages_count_and_warn(desk: Desk) -> None:
     await desk.freeze()
     await page.wait_for_selector("#age-video[data-level=amber]")
     await page.wait_for_selector("#age-video[data-level=red]")
+    await reads(page, "notice-head", "NO NEW PICTURE")
+    assert "grayscale" in await page.locator("#picture").evaluate("node => getComputedStyle(node).filter")
 
 
 async def test_one_is_in_control_and_another_takes_over_by_force(desk: Desk) -> None:
@@ -68,7 +77,7 @@ async def test_one_is_in_control_and_another_takes_over_by_force(desk: Desk) -> 
     await reads(first, "who", "You are in control")
     await reads(second, "who", "page 1 is in control")
     await drag(second, (300, 250), (360, 310))
-    await reads(second, "says", "page 1 is in control")
+    await expect(second.locator("#says li").last).to_have_text("page 1 is in control")
     assert not desk.given(Select)
 
     await select(desk, first)

@@ -146,3 +146,21 @@ async def test_every_state_fits(desk: Desk, size: str) -> None:
     await reads(page, "state", "CONNECTION LOST")
     await check(page, f"{size}-disconnected")
     assert "grayscale" in await page.locator("#picture").evaluate("node => getComputedStyle(node).filter")
+
+
+WINDOWS = ((1920, 1080), (1024, 600), (800, 600), (768, 1024), (375, 667), (667, 375))
+
+
+async def test_other_windows_fit_too(desk: Desk) -> None:
+    page = await desk.open()
+    await drag(page, (300, 250), (360, 310))
+    await reads(page, "state", "SELECTED")
+    for state, refused in ((State.FOLLOWING, ()), (State.SELECTED, REFUSED)):
+        follow(desk)
+        desk.station.refused = refused
+        desk.station.base = replace(desk.station.base, state=state)
+        await reads(page, "state", state.value.upper())
+        await page.wait_for_selector("#refusals", state="visible" if refused else "hidden")
+        for width, height in WINDOWS:
+            await page.set_viewport_size({"width": width, "height": height})
+            await check(page, f"{width}x{height}-{state.value}")

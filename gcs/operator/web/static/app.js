@@ -9,7 +9,7 @@ import { Link } from "./link.js";
 import { SceneMap } from "./map.js";
 import { Nudge } from "./nudge.js";
 import { Overlay } from "./overlay.js";
-import { banner, by, notice, say, showAges, showControl, showStatus } from "./panels.js";
+import { banner, by, hint, isTouch, notice, say, showAges, showControl, showStatus } from "./panels.js";
 import { Pictures } from "./pictures.js";
 import { pointing } from "./pointing.js";
 import { Targets } from "./targets.js";
@@ -19,6 +19,7 @@ const STALE_MS = 1500; // unheard for so long: what is shown is old
 const FORCE_MS = 3000;
 const STEP_M = 2;
 const MODES = ["spotlight", "follow", "parallel", "orbit"];
+const ABORT_HINT = isTouch ? "at once" : "Space or Esc";
 const WORSE = { calm: 0, good: 0, caution: 1, alarm: 2 };
 
 const page = {
@@ -26,6 +27,7 @@ const page = {
   starting: "",
   status: null,
   statusAt: 0,
+  shownAt: 0,
   shown: null, // {seq, image, width, height, frame}: the picture on the screen with what belongs to it
   drawn: null, // the box being drawn
   forceUntil: 0,
@@ -109,13 +111,6 @@ function statusCame(status) {
   refresh();
 }
 
-/** What to do next, where the station has nothing to say. */
-function hint({ state, engaging, refusals }) {
-  if (state === "idle") return "drag a box round the target, or tap it";
-  if (state === "selected" && !engaging) return refusals.length ? "cannot follow yet" : "hold FOLLOW for a second";
-  return "";
-}
-
 function changed(isOpen) {
   following.void("the connection was lost");
   targets.stop();
@@ -129,6 +124,7 @@ function changed(isOpen) {
 function show(picture) {
   const old = page.shown?.image;
   page.shown = picture;
+  page.shownAt = performance.now();
   old?.close?.(); // an ImageBitmap or a VideoFrame
   redraw();
 }
@@ -172,6 +168,9 @@ function refresh() {
     showControl(status, performance.now() < page.forceUntil);
   }
   const age_s = (link.silentMs / 1000).toFixed(1);
+  const stoppedMs = page.shown ? performance.now() - page.shownAt : 0;
+  const isOld = !isLost && welcome !== null && stoppedMs > STALE_MS;
+  document.body.dataset.picture = isOld ? "old" : "";
   if (link.refused && isLost) notice("NO LONGER LET IN", "The station was started anew: open the link that it printed.");
   else if (isLost && welcome) {
     banner("alarm", "CONNECTION LOST", `${age_s} s · last: ${status?.headline ?? "nothing"}`);
@@ -179,13 +178,14 @@ function refresh() {
   } else if (isLost) notice("Connecting", link.reason || "to the station", true);
   else if (!welcome) notice("Starting", page.starting, true);
   else if (!page.shown) notice("No picture yet", "", true);
+  else if (isOld) notice("NO NEW PICTURE", `What you see is ${(stoppedMs / 1000).toFixed(1)} s old.`);
   else notice(null);
   following.show(isLost);
 }
 
 function showAbort(phase, line) {
   by("abort").dataset.phase = phase;
-  by("abort-hint").textContent = line || "Space or Esc";
+  by("abort-hint").textContent = line || ABORT_HINT;
   if (phase === "failed") say(`abort: ${line}`, "alarm");
 }
 
@@ -265,7 +265,8 @@ const drawing = drawer({ order });
 keys(acts);
 by("abort").addEventListener("pointerdown", (event) => event.button === 0 && acts.abort()); // at once, not when let go
 by("abort").addEventListener("click", (event) => event.detail === 0 && acts.abort()); // Enter, or a screen reader
-const buttons = { take, track: acts.track, boxes: acts.candidates, drop: acts.drop, record: acts.record, mode: acts.mode, ack: acts.ack, closer: acts.closer, farther: acts.farther, orders: acts.drawer, keys: acts.help, webrtc: acts.webrtc };
+const same = ["track", "drop", "record", "mode", "ack", "closer", "farther", "webrtc"].map((id) => [id, acts[id]]);
+const buttons = { ...Object.fromEntries(same), take, boxes: acts.candidates, orders: acts.drawer, keys: acts.help };
 for (const [id, act] of Object.entries(buttons)) {
   by(id).addEventListener("click", () => {
     by(id).blur(); // keys are for the page
@@ -285,6 +286,10 @@ new ResizeObserver(() => map.draw()).observe(by("map"));
 document.addEventListener("contextmenu", (event) => event.target.matches("input") || event.preventDefault());
 setInterval(refresh, 200);
 setInterval(() => page.status?.in_control && link.tell({ do: "ping" }), 1000);
-navigator.wakeLock?.request("screen").catch(() => {}); // only where the page is served securely
+const stayAwake = () => document.hidden || navigator.wakeLock?.request("screen").catch(() => {}); // only where served securely
+document.addEventListener("visibilitychange", stayAwake);
+stayAwake();
 notice("Connecting", "to the station", true);
+showAbort("idle", "");
+by("ack-hint").textContent = isTouch ? "" : "Enter";
 link.start();

@@ -1,7 +1,7 @@
 // The confirmation: held for a second by key or button, void as soon as anything changes under it.
 
 import { Hold, onHeld } from "./hold.js";
-import { by, say, showRefusals, text } from "./panels.js";
+import { by, isTouch, say, showRefusals, text } from "./panels.js";
 
 const ENGAGED = ["following", "coasting", "lost, holding"];
 const ENDED = ["released", "taken over"];
@@ -26,7 +26,8 @@ export class Following {
     const { refusals } = this;
     if (refusals === null) return;
     if (refusals.length || !this.link.isOpen) {
-      say(refusals.length ? `not following: ${refusals[0]}${refusals.length > 1 ? `, and ${refusals.length - 1} more` : ""}` : "no connection", "alarm");
+      const more = refusals.length > 1 ? `, and ${refusals.length - 1} more` : "";
+      say(refusals.length ? `not following: ${refusals[0]}${more}` : "no connection", "alarm");
       by("refusals").classList.remove("flash");
       requestAnimationFrame(() => by("refusals").classList.add("flash"));
       return;
@@ -87,6 +88,6 @@ export class Following {
     if (isLost || !status) return "no connection";
     if (isEngaged) return status.engaging ? "engaging …" : "under way";
     if (refusals === null) return "draw a box first";
-    return refusals.length ? `not now: ${refusals.length} reason${refusals.length > 1 ? "s" : ""}` : "hold 1 s · F";
+    return refusals.length ? `not now: ${refusals.length} reason${refusals.length > 1 ? "s" : ""}` : isTouch ? "hold for a second" : "hold 1 s · F";
   }
 }

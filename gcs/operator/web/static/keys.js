@@ -3,6 +3,9 @@
 const NUDGE_PX = 2, FAR_PX = 12, GROW = 1.06;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
+/** The letter as it stands on the key where the layout writes others. */
+const letterOf = (event) => (event.key > "~" && event.code.startsWith("Key") ? event.code.slice(3) : event.key).toLowerCase();
+
 /** acts: what the keys do; acts.held(true/false) for F. */
 export function keys(acts) {
   const isAbort = (event) => event.code === "Space" || event.key === "Escape";
@@ -20,7 +23,7 @@ export function keys(acts) {
       return;
     }
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input")) return;
-    const key = event.key.toLowerCase();
+    const key = letterOf(event);
     if (key === "enter" && event.target.matches("button, a")) return;
     if (key === "f") {
       if (!event.repeat) acts.held(true);
@@ -37,6 +40,6 @@ export function keys(acts) {
     if (isAbort(event)) {
       event.preventDefault();
       event.stopImmediatePropagation();
-    } else if (event.key.toLowerCase() === "f") acts.held(false);
+    } else if (letterOf(event) === "f") acts.held(false);
   }, true);
 }

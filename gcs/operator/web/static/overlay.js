@@ -97,6 +97,7 @@ export class Overlay {
     c.font = "bold 15px system-ui, sans-serif";
     const width = c.measureText(text).width + 10;
     const top = y >= 26 ? y - 25 : y + 3;
+    x = Math.max(2, Math.min(x, this.canvas.clientWidth - width));
     c.fillStyle = colour;
     c.fillRect(x - 2, top, width, 21);
     c.fillStyle = "#000";

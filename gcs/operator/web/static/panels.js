@@ -4,6 +4,9 @@ const AMBER_S = 1, RED_S = 3, SAID_MS = 9000, MOST_SAID = 4, LOW_BATTERY = 0.25,
 const PARTS = ["glass", "decode", "wait", "tracker", "control", "link"];
 const MODE_WORDS = { external: "offboard" };
 
+/** Whether a finger steers: then keys are not spoken of. */
+export const isTouch = matchMedia("(hover: none) and (pointer: coarse)").matches;
+
 export const by = (id) => document.getElementById(id);
 
 /** Only what changes is touched: the browser then has nothing to lay out anew. */
@@ -30,6 +33,14 @@ export function banner(tone, state, reason) {
   by("banner").dataset.tone = tone;
   text("state", state);
   text("reason", reason);
+}
+
+/** What to do next, where the station has nothing to say. */
+export function hint({ state, engaging, refusals }) {
+  if (state === "idle") return "drag a box round the target, or tap it";
+  if (state === "selected" && !engaging) return refusals.length ? "cannot follow yet" : "hold FOLLOW for a second";
+  if (["released", "taken over"].includes(state)) return "press OK, SEEN to go on";
+  return "";
 }
 
 export function showStatus(status) {
@@ -93,7 +104,7 @@ export function showControl(status, isArmed) {
   text("who", mine ? "You are in control" : controller ? `${controller} is in control` : "Nobody is in control");
   text("viewers", viewers === 1 ? "1 viewer" : `${viewers} viewers`);
   by("control").dataset.mine = String(mine);
-  text("take", mine ? "Give back" : isArmed ? "Press again to take it" : "Take control");
+  text("take", mine ? "Give back" : isArmed ? "Press again to take it" : controller ? `Take from ${controller}` : "Take control");
 }
 
 export function showRefusals(lines) {
