@@ -172,15 +172,20 @@ def test_a_live_stream_runs_until_it_ends(tmp_path: Path) -> None:
     seen = threading.Event()
 
     class Signalling(ColourTracker):
+        def init(self, frame_bgr: Picture, box: Box) -> None:
+            super().init(frame_bgr, box)
+            seen.set()
+
         def update(self, frame_bgr: Picture) -> TrackResult:
             seen.set()
             return super().update(frame_bgr)
 
     def feed() -> None:
         for index in range(3):
+            assert seen.wait(5.0)  # the newest wins: the next must not come before this one was taken
             seen.clear()
             server.send(picture(index + 1))
-            assert seen.wait(5.0)
+        assert seen.wait(5.0)
         server.drop()
 
     server.send(picture(0))
