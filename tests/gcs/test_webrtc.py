@@ -157,6 +157,7 @@ def test_addresses_that_a_browser_hides_are_not_looked_up():
 
 
 async def test_for_the_page_it_is_one_set_of_peers_a_station(station):
+    await webrtc.prepare()
     receiver = Receiver()
     answer = await webrtc.answer(station, await receiver.offer())
     assert "a=sendonly" in answer
