@@ -40,6 +40,11 @@ class TestGuard:
     def test_origins_of_others(self, origin):
         assert not Guard(None, ()).is_our_page(origin, "h:1")
 
+    def test_an_address_by_another_way(self):
+        assert Guard(None, ("203.0.113.5",)).is_our_name("203.0.113.5:80", "10.0.0.2")  # forwarded by somebody's router
+        assert Guard(None, ()).is_our_name("192.0.2.7:80", "::ffff:192.0.2.7")  # a socket for IPv4 and IPv6
+        assert Guard(None, ()).is_our_name("[fe80::1]:80", "fe80::1%eth0")
+
     def test_our_origin(self):
         assert Guard(None, ()).is_our_page("http://h:1", "H:1")
         assert Guard(None, ()).is_our_page("https://h:1", "h:1")  # behind somebody's TLS

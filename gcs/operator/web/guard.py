@@ -52,11 +52,13 @@ class Guard:
         name = _name_of(host)
         if name is None:
             return False
+        if name.rstrip(".") in self._names:
+            return True
         try:
-            address = ipaddress.ip_address(name)
+            address, own = _address(name), _address(own_address)
         except ValueError:
-            return name.rstrip(".") in self._names
-        return address.is_loopback or str(address) == own_address.partition("%")[0]
+            return False
+        return address.is_loopback or address == own
 
     def is_our_page(self, origin: str | None, host: str) -> bool:
         """Of an Origin header: a browser's program from elsewhere must not speak here in its user's name."""
@@ -64,6 +66,11 @@ class Guard:
             return False
         scheme, separator, place = origin.partition("://")
         return bool(separator) and scheme in ("http", "https") and place.lower() == host.lower()
+
+
+def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    address = ipaddress.ip_address(text.partition("%")[0])
+    return getattr(address, "ipv4_mapped", None) or address  # as a socket for both calls the older kind
 
 
 def _name_of(host: str) -> str | None:

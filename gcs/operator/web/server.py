@@ -140,6 +140,7 @@ class Page:
         await self._runner.cleanup()
 
     def _told(self, viewer: Viewer | None, name: str, text: str) -> None:
+        text = one_line(text)
         self._audience.say(f"{name}: {text}", self._clock.now_s(), but=viewer)
         log.info("%s: %s", name, text)
         self.on_act(name, text)
