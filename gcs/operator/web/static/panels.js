@@ -2,7 +2,6 @@
 
 const AMBER_S = 1, RED_S = 3, SAID_MS = 9000, MOST_SAID = 4, LOW_BATTERY = 0.25, LIMIT_MS = 1200;
 const PARTS = ["glass", "decode", "wait", "tracker", "control", "link"];
-const MODE_WORDS = { external: "offboard" };
 
 /** Whether a finger steers: then keys are not spoken of. */
 export const isTouch = matchMedia("(hover: none) and (pointer: coarse)").matches;
@@ -45,7 +44,7 @@ export function hint({ state, engaging, refusals }) {
 
 export function showStatus(status) {
   const { vehicle } = status;
-  text("vehicle-mode", (MODE_WORDS[vehicle.mode] ?? vehicle.mode).toUpperCase());
+  text("vehicle-mode", vehicle.mode.toUpperCase());
   text("armed", vehicle.armed ? (vehicle.in_air ? "FLYING" : "ARMED") : "DISARMED");
   text("height", fixed(vehicle.height_m));
   text("speed", fixed(vehicle.speed_mps));
