@@ -240,6 +240,13 @@ def test_who_began_a_follow_keeps_control_while_it_lasts(rig):
     assert rig.lease.holder(rig.now_s) == ""
 
 
+def test_the_end_of_a_follow_is_told_once_with_its_reason(rig):
+    for state in (State.FOLLOWING, State.RELEASED):
+        rig.station.base = replace(rig.station.base, state=state, reasons=("the battery is low",))
+        said = [each.message.text for _, each in rig.passes(3.0) if each.message.get_type() == "STATUSTEXT"]
+        assert said == (["RELEASED: the battery is low"] if state is State.RELEASED else [])
+
+
 # -- parameters -------------------------------------------------------------------------------------------
 
 

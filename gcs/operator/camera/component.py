@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
-from gcs.flight_view import Status
+from control.engagement import State
 from gcs.framing import Message
 from gcs.operator.camera import commands, messages
 from gcs.operator.camera.clients import Client, Clients
 from gcs.operator.camera.commands import Command, InvalidCommandError
-from gcs.operator.camera.messages import Flag, Result
+from gcs.operator.camera.facts import Facts, Where
+from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Answer, Ask, Orders, Problem
 from gcs.operator.camera.parameters import Parameters
-from gcs.operator.camera.setup import CameraSetup, TargetPlace
+from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.camera.view import TrackingView
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
@@ -38,7 +39,7 @@ _REQUESTS: Final = {
     commands.REQUEST_VIDEO_STREAM_INFORMATION: (messages.STREAM, 0),
     commands.REQUEST_VIDEO_STREAM_STATUS: (messages.STREAM_STATUS, 0),
 }
-Where: TypeAlias = Callable[[], TargetPlace | None]
+_TOLD: Final = frozenset({State.LOST_HOLD, State.RELEASED, State.TAKEN_OVER})  # following has ended, or stands still
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,8 @@ class CameraComponent:
         self.setup = setup
         self.view = TrackingView(station.size)
         self._station = station
-        self._where = where
-        self._started_s = now_s
-        self._filming_since_s: float | None = None
+        self._facts = Facts(setup, station, self.view, now_s, where)
+        self._state = station.status().state
         self._clients = Clients()
         self._orders = Orders(setup, station, lease)
         self._parameters = Parameters(setup, station)
@@ -72,18 +72,6 @@ class CameraComponent:
         self._heartbeat_s = now_s
         self._out: list[Out] = []
         self._asks: list[Ask] = []
-        self._makers: dict[int, Callable[[float], Message | None]] = {
-            messages.HEARTBEAT: lambda now_s: messages.heartbeat(),
-            messages.INFORMATION: self._information,
-            messages.SETTINGS: lambda now_s: messages.settings(self._time_ms(now_s)),
-            messages.STORAGE: lambda now_s: messages.storage(self._time_ms(now_s)),
-            messages.CAPTURE: self._capture_status,
-            messages.STREAM: self._stream,
-            messages.STREAM_STATUS: self._stream_status,
-            messages.FOV: self._fov_status,
-            messages.IMAGE_STATUS: self._image_status,
-            messages.GEO_STATUS: self._geo_status,
-        }
 
     # -- in -----------------------------------------------------------------------------------------------
 
@@ -112,12 +100,16 @@ class CameraComponent:
         if now_s >= self._heartbeat_s:
             self._heartbeat_s = max(self._heartbeat_s + _HEARTBEAT_S, now_s + _HEARTBEAT_S / 2)
             self._clients.forget_silent(now_s)
-            self._note_filming(self._station.status(), now_s)
+            status = self._station.status()
+            self._facts.note_filming(status, now_s)
             for peer in self._clients.peers() or (None,):
                 self._send(messages.heartbeat(), peer)
+                if status.state is not self._state and status.state in _TOLD:
+                    self._say(status.headline, peer)
+            self._state = status.state
             self._tell_changes()
         for peer, message_id in self._clients.due(now_s):
-            made = self._makers[message_id](now_s)
+            made = self._facts.message(message_id, now_s)
             if made is not None:
                 self._send(made, peer)
         self._answer_all(self._orders.overdue(now_s))
@@ -172,26 +164,24 @@ class CameraComponent:
 
     def _request(self, command: Command, message_id: int, now_s: float, *, wanted: bool = True) -> None:
         """The acknowledgement, then the message."""
-        maker = self._makers.get(message_id)
-        if maker is None and command.to_all:
+        if message_id not in self._facts.known and command.to_all:
             return  # somebody else's
         if message_id in (messages.STREAM, messages.STREAM_STATUS):
             stream_id = command.whole(2 if command.number == commands.REQUEST_MESSAGE else 1)
             wanted = wanted and stream_id in (0, 1)
-        made = None if maker is None or not wanted else maker(now_s)
+        made = self._facts.message(message_id, now_s) if wanted else None
         self._ack(command, Result.DENIED if made is None else Result.ACCEPTED)
         if made is not None:
             self._send(made, command.client.peer)
         if made is not None and message_id == messages.STREAM_STATUS and command.number == commands.REQUEST_MESSAGE:
             # MAVSDK asks for the status alone, and learns the address only if it comes unasked.
-            self._send_all(filter(None, [self._stream(now_s)]), command.client.peer)
+            self._send_all(filter(None, [self._facts.message(messages.STREAM, now_s)]), command.client.peer)
 
     def _set_interval(self, command: Command, now_s: float) -> None:
         message_id = command.whole(1)
-        maker = self._makers.get(message_id)
-        if maker is None and command.to_all:
+        if message_id not in self._facts.known and command.to_all:
             return
-        can = maker is not None and message_id != messages.HEARTBEAT and maker(now_s) is not None
+        can = message_id != messages.HEARTBEAT and self._facts.message(message_id, now_s) is not None
         period_s = commands.period_s(command, _DEFAULTS.get(message_id))
         self._ack(command, Result.ACCEPTED if can else Result.DENIED)
         if can:
@@ -199,7 +189,7 @@ class CameraComponent:
 
     def _get_interval(self, command: Command) -> None:
         message_id = command.whole(1)
-        if message_id not in self._makers:
+        if message_id not in self._facts.known:
             if not command.to_all:
                 self._ack(command, Result.DENIED)
             return
@@ -223,57 +213,6 @@ class CameraComponent:
         changes = self._parameters.changes() if peers else []
         for peer in peers:
             self._send_all(changes, peer)
-
-    # -- messages -----------------------------------------------------------------------------------------
-
-    def _information(self, now_s: float) -> Message:
-        flags = Flag.HAS_TRACKING_POINT | Flag.HAS_TRACKING_RECTANGLE
-        if self.setup.stream_url:
-            flags |= Flag.HAS_VIDEO_STREAM
-        if self._where is not None:
-            flags |= Flag.HAS_TRACKING_GEO_STATUS
-        if self._station.status().recording is not None:
-            flags |= Flag.CAPTURE_VIDEO
-        return messages.information(self.setup, self._time_ms(now_s), self._station.size, flags)
-
-    def _capture_status(self, now_s: float) -> Message:
-        self._note_filming(self._station.status(), now_s)
-        since_s = self._filming_since_s
-        filming_ms = 0 if since_s is None else int((now_s - since_s) * 1000)
-        return messages.capture_status(self._time_ms(now_s), since_s is not None, filming_ms)
-
-    def _note_filming(self, status: Status, now_s: float) -> None:
-        if not status.recording:
-            self._filming_since_s = None
-        elif self._filming_since_s is None:
-            self._filming_since_s = now_s
-
-    def _stream(self, now_s: float) -> Message | None:
-        if not self.setup.stream_url:
-            return None
-        station = self._station
-        return messages.stream_information(self.setup, station.size, station.status().video_fps, station.hfov_rad)
-
-    def _stream_status(self, now_s: float) -> Message | None:
-        if not self.setup.stream_url:
-            return None
-        station = self._station
-        return messages.stream_status(self.setup, station.size, station.status().video_fps, station.hfov_rad)
-
-    def _fov_status(self, now_s: float) -> Message:
-        return messages.fov_status(self._time_ms(now_s), self._station.size, self._station.hfov_rad)
-
-    def _image_status(self, now_s: float) -> Message:
-        return messages.image_status(*self.view.now(now_s, self._station.status()), self.setup.rendered)
-
-    def _geo_status(self, now_s: float) -> Message | None:
-        if self._where is None:
-            return None
-        tracking, corners = self.view.now(now_s, self._station.status())
-        return messages.geo_status(tracking, self._where() if corners is not None else None)
-
-    def _time_ms(self, now_s: float) -> int:
-        return int((now_s - self._started_s) * 1000) % 2**32
 
     # -- out ----------------------------------------------------------------------------------------------
 

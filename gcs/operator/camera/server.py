@@ -13,8 +13,9 @@ from typing import Final
 from gcs.clock import Clock
 from gcs.errors import GcsError, SelectionError, WireError, one_line
 from gcs.framing import CodecError, Encoder, Message
-from gcs.operator.camera.component import CameraComponent, Out, Where
+from gcs.operator.camera.component import CameraComponent, Out
 from gcs.operator.camera.definition import Definition, definition
+from gcs.operator.camera.facts import Where
 from gcs.operator.camera.intake import Intake
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
