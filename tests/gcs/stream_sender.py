@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -66,13 +67,16 @@ class StreamSender:
         gop: int = 10,
         size: tuple[int, int] = SIZE,
         options: dict[str, str] | None = None,
+        picture: Callable[[int, tuple[int, int]], Image] = numbered,
     ) -> None:
-        """form: mpegts or rtp."""
+        """form: mpegts or rtp. options: the encoder's. picture: makes each from its number and the size."""
         scheme, packet = ("udp", 1316) if form == "mpegts" else ("rtp", 1200)
         self._url, self._form = f"{scheme}://127.0.0.1:{port}?pkt_size={packet}", form
         self._codec, self._fps, self._gop, self.size = codec, fps, gop, size
         self._options = {**(_ZEROLATENCY if codec == "libx264" else {}), **(options or {})}
+        self._picture = picture
         self.sent_s: list[float] = []
+        self.largest_bytes = 0  # of the encoded pictures
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -97,10 +101,11 @@ class StreamSender:
         while not self._stop.wait(max(0.0, due_s - time.monotonic())):
             due_s += 1.0 / self._fps
             number = len(self.sent_s)
-            frame = av.VideoFrame.from_ndarray(numbered(number, self.size), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(self._picture(number, self.size), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, round(self._fps))
             self.sent_s.append(time.monotonic())
             for packet in stream.encode(frame):
+                self.largest_bytes = max(self.largest_bytes, packet.size)
                 container.mux(packet)
         container.close()
 

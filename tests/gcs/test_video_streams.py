@@ -1,71 +1,199 @@
-"""Live streams as cameras send them, by both readers: MPEG-TS over UDP, RTSP over TCP."""
+"""Live streams as cameras send them, by both readers: MPEG-TS over UDP, RTP, RTSP over TCP; and what goes wrong."""
 
 from __future__ import annotations
 
 import socket
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
-from gcs.video import open_source
+from gcs.errors import VideoError
+from gcs.video import VideoSource, open_source
+from gcs.video import live as live_module
+from gcs.video import packets as packets_module
+from gcs.video import pyav as pyav_module
+from gcs.video.live import LiveSource
 from gcs.video.pyav import is_installed
-from tests.gcs.clips import SIZE, picture
+from tests.gcs import clips
 from tests.gcs.rtsp_server import RtspServer
+from tests.gcs.stream_sender import SIZE, StreamSender, free_port, number_of, numbered, write_sdp
+
+pytestmark = pytest.mark.skipif(not is_installed(), reason="sending a stream needs PyAV")
 
 
-@pytest.mark.skipif(not is_installed(), reason="sending a stream needs PyAV")
-@pytest.mark.parametrize("backend", ["opencv", "pyav"])
-def test_mpegts_over_udp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, backend: str) -> None:
-    import av
-
-    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: backend == "pyav")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        url = f"udp://127.0.0.1:{probe.getsockname()[1]}"
-    stop = threading.Event()
-
-    def send() -> None:
-        output = av.open(f"{url}?pkt_size=1316", "w", format="mpegts")
-        stream = output.add_stream("mpeg2video", rate=25)
-        stream.width, stream.height, stream.pix_fmt, stream.gop_size = *SIZE, "yuv420p", 5
-        index = 0
-        while not stop.wait(0.01):
-            frame = av.VideoFrame.from_ndarray(picture(index % 40), format="bgr24")
-            for packet in stream.encode(frame):
-                output.mux(packet)
-            index += 1
-        output.close()
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
-        source = open_source(url, reconnect=False)
-        seqs = []
-        for _ in range(5):
-            frame = source.read(5.0)
-            assert frame is not None
-            seqs.append(frame.seq)
-        assert seqs == sorted(set(seqs))
-        assert source.size == SIZE
-        source.close()  # while the sender still sends: our thread ends at the next frame
-    finally:
-        stop.set()
-        sender.join()
+@pytest.fixture(params=["opencv", "pyav"])
+def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: request.param == "pyav")
+    return str(request.param)
 
 
-@pytest.mark.skipif(not is_installed(), reason="the test's server needs PyAV")
-@pytest.mark.parametrize("backend", ["opencv", "pyav"])
-def test_rtsp_over_tcp(monkeypatch: pytest.MonkeyPatch, backend: str) -> None:
-    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: backend == "pyav")
+def numbers(source: VideoSource, count: int) -> list[int]:
+    """What the next pictures say."""
+    found = []
+    for _ in range(count):
+        frame = source.read(5.0)
+        assert frame is not None
+        found.append(number_of(frame.image_bgr))
+    return found
+
+
+@pytest.mark.parametrize("kind", ["udp", "rtp", "sdp"])
+def test_a_stream_that_is_joined_in_the_middle(kind: str, backend: str, tmp_path: Path) -> None:
+    port = free_port()
+    address = str(write_sdp(tmp_path / "camera.sdp", port)) if kind == "sdp" else f"{kind}://127.0.0.1:{port}"
+    with StreamSender("mpegts" if kind == "udp" else "rtp", port):
+        source = open_source(address, reconnect=False)
+        assert (source.size, source.is_live) == (SIZE, True)
+        seen = numbers(source, 6)
+        assert seen == sorted(set(seen))
+        source.close()
+
+
+def test_rtsp_over_tcp(backend: str) -> None:
     server = RtspServer()
     try:
         source = open_source(server.url, reconnect=False)
         seqs = [frame.seq for frame in (source.read(5.0) for _ in range(4)) if frame is not None]
         assert len(seqs) == 4
         assert seqs == sorted(set(seqs))
-        assert source.size == SIZE
+        assert source.size == clips.SIZE
         assert server.packets > 0
         source.close()
     finally:
         server.close()
+
+
+def test_pictures_of_mpegts_are_whole() -> None:
+    """Nothing parses them: slices must become one picture, and so must one that FFmpeg cuts in pieces."""
+    port, noise = free_port(), np.random.default_rng(1).integers(60, 160, (270, 480, 3), np.uint8)
+    ground = cv2.resize(noise, (1920, 1080), interpolation=cv2.INTER_NEAREST)
+
+    def picture(number: int, size: tuple[int, int]) -> clips.Picture:
+        image = np.roll(ground, 8 * number, axis=1)
+        image[: size[1] // 4] = numbered(number, size)[: size[1] // 4]
+        return image
+
+    options = {"x264-params": "repeat-headers=1:slices=4:qp=30"}
+    errors = []
+    with StreamSender("mpegts", port, size=(1920, 1080), fps=8, gop=1, options=options, picture=picture) as sender:
+        source = open_source(f"udp://127.0.0.1:{port}", reconnect=False)
+        for _ in range(3):
+            frame = source.read(5.0)
+            assert frame is not None
+            truth = picture(number_of(frame.image_bgr), sender.size)
+            # The lower end of the picture is the last that comes.
+            errors.append(np.abs(frame.image_bgr[-200:].astype(int) - truth[-200:]).mean())
+        source.close()
+    assert sender.largest_bytes > 205_000  # more than a piece
+    assert min(errors) < 12
+
+
+@pytest.mark.parametrize("form", ["mpegts", "rtp"])
+def test_a_sender_that_comes_back_is_seen_again(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (pyav_module, packets_module):
+        monkeypatch.setattr(module, "SILENT_S", 0.4)
+    monkeypatch.setattr(live_module, "FIRST_BACKOFF_S", 0.02)
+    port = free_port()
+    with StreamSender(form, port):
+        source = open_source(f"{'udp' if form == 'mpegts' else 'rtp'}://127.0.0.1:{port}")
+        assert isinstance(source, LiveSource)
+        numbers(source, 2)
+    wait_for(lambda: "nothing came" in source.trouble)
+    assert source.trouble.endswith("; trying again")
+    with StreamSender(form, port):
+        while source.read(5.0) is None:
+            assert not source.ended
+        wait_for(lambda: source.trouble == "")
+        source.close()
+    assert source.reconnects >= 1
+
+
+def wait_for(true: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 10.0
+    while not true():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+
+
+def test_sound_alone_is_no_video(tmp_path: Path, backend: str) -> None:
+    path = sound(tmp_path / "sound.mp4")
+    expected = "holds no video, only audio" if backend == "pyav" else "not a video"
+    with pytest.raises(VideoError, match=expected):
+        open_source(str(path))
+
+
+def sound(path: Path) -> Path:
+    import av
+
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("aac", rate=44100)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
+        frame.sample_rate = 44100
+        container.mux([*stream.encode(frame), *stream.encode(None)])
+    return path
+
+
+def test_an_encrypted_video_is_told_as_unreadable(tmp_path: Path) -> None:
+    import av
+
+    path = tmp_path / "encrypted.mp4"
+    key = {"encryption_scheme": "cenc-aes-ctr", "encryption_key": "0123456789abcdef" * 2, "encryption_kid": "a7" * 16}
+    with av.open(str(path), "w", options=key) as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
+        for number in range(10):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(number), format="bgr24")))
+        container.mux(stream.encode(None))
+    with pytest.raises(VideoError, match=r"encrypted\.mp4"):
+        open_source(str(path))
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("rtp://127.0.0.1", "an RTP address is rtp://HOST:PORT"),
+        ("rtp://127.0.0.1:99999", "an RTP address is rtp://HOST:PORT"),
+        ("rtp://127.0.0.1:5600?codec=theora", "an RTP address is rtp://HOST:PORT"),
+        ("rtp://127.0.0.1:5600?payload=33", "an RTP address is rtp://HOST:PORT"),
+        ("rtsp://127.0.0.1:1/x?transport=carrier-pigeon", "transport is tcp or udp"),
+        ("missing.sdp", "missing.sdp: no such file"),
+        ("camera:0?brightness=3", "a camera takes width, height, fps"),
+        ("camera:0?width=wide", "a camera takes width, height, fps"),
+        ("camera:98?width=640&height=480&format=MJPG", "camera:98: no such camera"),
+    ],
+)
+def test_addresses_that_cannot_be_opened_say_why(address: str, reason: str, backend: str) -> None:
+    with pytest.raises(VideoError, match=reason):
+        open_source(address)
+
+
+def test_a_server_that_stalls_within_a_picture_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gcs.video.mjpeg.SILENT_S", 0.2)
+    picture = cv2.imencode(".jpg", numbered(1))[1].tobytes()
+    part = b"--frame\r\nContent-Length: %d\r\n\r\n" % len(picture) + picture + b"\r\n"
+    listener, done = socket.create_server(("127.0.0.1", 0)), threading.Event()
+
+    def serve() -> None:
+        client, _ = listener.accept()
+        with client:
+            client.recv(4096)
+            client.sendall(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace\r\n\r\n" + part + part[:500])
+            done.wait(5.0)
+
+    server = threading.Thread(target=serve)
+    server.start()
+    source = open_source(f"http://127.0.0.1:{listener.getsockname()[1]}/", reconnect=False)
+    assert source.read(1.0) is not None
+    assert source.read(5.0) is None
+    assert source.ended
+    assert source.problem is not None
+    assert "silent" in source.problem
+    source.close()
+    done.set()
+    server.join()
+    listener.close()
