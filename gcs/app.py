@@ -121,7 +121,7 @@ async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, cl
     try:
         screen.say(f"video: {source.size[0]}x{source.size[1]} px from {source.name}")
         starting("loading the tracker")
-        tracker = await asyncio.to_thread(_load, config)
+        tracker, _ = await asyncio.gather(asyncio.to_thread(_load, config), displays.prepare())
         folder = prepare_folder(options.out) if options.out is not None else None
         starting(f"waiting for the vehicle at {options.vehicle}")
         async with open_link(options.vehicle, config, clock, folder) as link:

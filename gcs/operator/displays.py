@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from gcs.clock import Clock
 from gcs.operator.lease import Lease
@@ -17,6 +18,8 @@ if TYPE_CHECKING:  # each is imported when it is opened
     from gcs.operator.station import Station
     from gcs.operator.web.server import Page
     from gcs.video_out.out import VideoOut
+
+_LOOK_S: Final = 1.0
 
 
 class Displays:
@@ -54,6 +57,13 @@ class Displays:
         self._page = Page(self._config.page, self._clock, lease=self.lease, routes=self._routes(), on_act=self._acted)
         await self._page.open()
 
+    async def prepare(self) -> None:
+        """Load what the page may need later, so that it holds up no flight."""
+        if self._page is not None:
+            from gcs.operator.web import webrtc
+
+            await webrtc.prepare()
+
     def _routes(self) -> list[RouteDef]:
         """What a MAVLink camera's clients fetch here."""
         if self._config.mavlink_camera.url is None:
@@ -90,7 +100,18 @@ class Displays:
             video = await self._open_video(station)
             if video is not None:
                 opened.push_async_callback(video.close)
+                telling = asyncio.create_task(self._tell(video))
+                opened.callback(telling.cancel)
             yield video
+
+    async def _tell(self, video: VideoOut) -> None:
+        """What goes wrong with the video that goes out, once each."""
+        said = None
+        while True:
+            if video.problem != said:
+                said = video.problem
+                self.say(f"video out: {said or 'it goes out again'}")
+            await asyncio.sleep(_LOOK_S)
 
     async def _open_video(self, station: Station) -> VideoOut | None:
         wanted = self._config.video_out
