@@ -38,7 +38,7 @@ test: $(STAMP)
 
 # Needs an installed Chromium (Debian: apt install chromium), or CHROMIUM=/path/to/it.
 test-browser: $(STAMP)
-	$(BIN)/pytest tests/browser $(ARGS)
+	$(BIN)/pytest tests/browser -o addopts='-q --strict-markers --strict-config' $(ARGS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

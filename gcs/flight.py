@@ -259,6 +259,7 @@ class Flight:
             glass_delay=self.glass.estimate,
             way=self.output.label,
             follow_mode=control.wanted.mode if confirmation is None else confirmation.mode,
+            standoff_m=control.wanted.standoff_m if confirmation is None else status.standoff_m,
             selection=self.seen.selection if self.seen is not None else 0,
             frame_t_s=self.seen.frame.t_arrival_s if self.seen is not None else None,
             recording=self.film.on if self.film is not None else None,

@@ -155,7 +155,7 @@ def make_status(
         vehicle=vehicle,
         confidence=tick.inputs.confidence if tracked else None,
         distance_m=_distance_m(tick.target, vehicle, confirmation, follow) if tracked else None,
-        standoff_m=confirmation.standoff_m if confirmation is not None else None,
+        standoff_m=(confirmation.standoff_goal_m or confirmation.standoff_m) if confirmation is not None else None,
         video_fps=video_fps,
         limited_by=tick.request.limited_by if tick.request is not None else (),
         warnings=warnings,
@@ -222,7 +222,7 @@ def overlay(sighting: Sighting, watermark: str | None) -> hud.Overlay:
     if status.budget is not None:
         lines.append(f"{status.budget.parts_ms} ms")
     error_m = None
-    if status.distance_m is not None and status.standoff_m is not None:
+    if status.is_engaged and status.distance_m is not None and status.standoff_m is not None:
         error_m = status.distance_m - status.standoff_m
     return hud.Overlay(
         state="ENGAGING" if status.engaging else status.state.value.upper(),

@@ -110,7 +110,9 @@ async def draw_target(flight: Flown, page: Any) -> None:
 async def hold_follow(page: Any) -> None:
     """F, for long enough."""
     await page.wait_for_selector("#follow:not(:disabled)")
+    ring = page.locator("#ring")
     await page.keyboard.down("f")
-    await asyncio.sleep(1.3)
+    await ring.wait_for(state="visible")
+    await ring.wait_for(state="hidden")
     await page.keyboard.up("f")
     await reads(page, "state", "FOLLOWING")
