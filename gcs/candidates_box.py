@@ -29,6 +29,7 @@ _MAY_BE_FRAC: Final = 0.3
 _LEAST_FRAC, _MOST_FRAC = 0.01, 0.7  # of the window's area
 _BAND_PX: Final = 3  # inside and outside the outline, to see how they differ
 _TEXTURE: Final = 8.0  # grey levels: differences below mean little
+_LEAST_CONTRAST: Final = 0.2
 _COMMON_PX: Final = 30.0
 _AGREE_IOU: Final = 0.4
 _LEAST_SIDE_PX: Final = MIN_SIDE_PX + 1.0
@@ -59,7 +60,7 @@ def box_at(image_bgr: Image, x_px: float, y_px: float, radius_px: float | None =
         sides = [radius_px * side for side in _SIDES_OF_RADIUS]
     cuts = [cut for side in sides if (cut := _cut(image_bgr, x_px, y_px, side)) is not None]
     if cuts:
-        return inside(_agreed(cuts), image_bgr)
+        return inside(_agreed(cuts, radius_px), image_bgr)
     side_px = 2 * (radius_px or _SQUARE_FRAC * longer_px)
     return inside(Box(x_px, y_px, side_px, side_px), image_bgr)
 
@@ -90,7 +91,7 @@ def _cut(image_bgr: Image, x_px: float, y_px: float, side_px: float) -> _Cut | N
     contrast = _contrast(window, (labels == label).astype(np.uint8))
     scale = side / _CUT_PX
     box = Box.from_xywh(left + x * scale, top + y * scale, w * scale, h * scale)
-    return None if contrast is None else _Cut(box, contrast)
+    return None if contrast < _LEAST_CONTRAST else _Cut(box, contrast)
 
 
 def _window(image_bgr: Image, left: int, top: int, side: int) -> Image:
@@ -115,31 +116,35 @@ def _first_guess() -> NDArray[np.uint8]:
     return mask
 
 
-def _contrast(window: Image, thing: NDArray[np.uint8]) -> float | None:
+def _contrast(window: Image, thing: NDArray[np.uint8]) -> float:
     """How the colours just inside the outline differ from those just outside."""
     lab = cv2.cvtColor(window, cv2.COLOR_BGR2LAB).astype(np.float32)
     square = np.ones((3, 3), np.uint8)
     grown = cv2.dilate(thing, square, iterations=_BAND_PX) - cv2.dilate(thing, square)
     outside, inside = lab[grown > 0], lab[(thing - cv2.erode(thing, square, iterations=_BAND_PX)) > 0]
     if len(outside) < 8 or len(inside) < 4:
-        return None
+        return 0.0
     spread = _TEXTURE + math.sqrt(float(outside.var(0).sum()))
     return float(np.linalg.norm(inside.mean(0) - outside.mean(0))) / spread
 
 
-def _agreed(cuts: list[_Cut]) -> Box:
+def _agreed(cuts: list[_Cut], radius_px: float | None) -> Box:
     """The middle of those that agree with the best; weights fitted to pictures taken from the air."""
-    best = max(cuts, key=lambda cut: _merit(cut, cuts)).box
+    best = max(cuts, key=lambda cut: _merit(cut, cuts, radius_px)).box
     edges = np.array([_edges(cut.box) for cut in cuts if cut.box == best or iou(cut.box, best) > _AGREE_IOU])
     left, top, right, bottom = (float(edge) for edge in np.median(edges, axis=0))
     return Box.from_xywh(left, top, right - left, bottom - top)
 
 
-def _merit(cut: _Cut, cuts: list[_Cut]) -> float:
+def _merit(cut: _Cut, cuts: list[_Cut], radius_px: float | None) -> float:
     others = sorted((iou(cut.box, other.box) for other in cuts if other is not cut), reverse=True)
-    size = math.log(math.sqrt(cut.box.w_px * cut.box.h_px) / _COMMON_PX)
-    agreement = sum(others[:2]) / 2
-    return 0.3 * math.log(cut.contrast + 0.05) + 0.6 * agreement + 0.2 * size - 0.1 * size**2
+    side_px = math.sqrt(cut.box.w_px * cut.box.h_px)
+    if radius_px is None:
+        size = math.log(side_px / _COMMON_PX)
+        likely = 0.2 * size - 0.1 * size**2
+    else:
+        likely = -(math.log(side_px / (2 * radius_px)) ** 2)
+    return 0.3 * math.log(cut.contrast + 0.05) + 0.6 * sum(others[:2]) / 2 + likely
 
 
 def _edges(box: Box) -> tuple[float, float, float, float]:

@@ -29,7 +29,8 @@ _LEAST_PX: Final = 4
 _LARGEST_FRAC: Final = 0.08  # of the picture: more is no thing but a background that was not found
 _GAP_PX, _GAP_FRAC = 2.0, 0.15  # parts nearer than this are one thing
 _SHADE_LEAST, _SHADE_MOST, _SHADE_COLOUR = 0.25, 0.9, 0.12  # a shadow leaves so much light, alike in all colours
-_SOLID_FRAC: Final = 0.2  # of what moves must be more than shadow, or the thing is as dark as one
+_SOLID_FRAC: Final = 0.2  # of what moves must be more than shadow, or it is one, or as dark as one
+_SHADOW_WEIGHT: Final = 0.25
 
 Mask = NDArray[np.uint8]
 
@@ -150,7 +151,7 @@ def _parts(change: Mask, now: Image, behind: Image) -> list[_Part]:
         weight = float(change[here][own].sum())
         solid = _without_shadow(own, now[here], behind[here])
         if solid.sum() < _SOLID_FRAC * area:
-            found.append(_Part(x, y, w, h, weight))
+            found.append(_Part(x, y, w, h, weight * _SHADOW_WEIGHT))
             continue
         _, _, pieces, _ = cv2.connectedComponentsWithStats(solid)
         for px, py, pw, ph, part_area in pieces[1:].tolist():

@@ -89,7 +89,7 @@ def _ranked(view: View, columns: int) -> Iterable[tuple[int, Line]]:
     yield 0, _banner(view, columns, tone)
     yield 5, padding
     yield from _listed("because", status.reasons[1:], _PLAIN)
-    yield from _listed("warning", status.warnings, _ALARM)
+    yield from _listed("warning", tuple(f"! {warning}" for warning in status.warnings), _ALARM)
     if status.state is State.SELECTED:
         yield from _listed("no follow", view.refusals, _CAUTION)
     yield 1, _target(view)
@@ -179,7 +179,7 @@ def _ages(status: Status) -> Line:
         limit_s = 3 * _OLD_S if name == "heartbeat" else _OLD_S
         shown = "never" if t_s is None else f"{age_s:.1f}" if age_s < 100 else ">99"
         parts += [(f"{name} ", _LABEL), (f"{shown}  ", _ALARM if age_s > limit_s else _PLAIN)]
-    return _line("age in s", *parts, (f"{status.video_fps:.0f} pictures/s", _PLAIN))
+    return _line("age in s", *parts, (f"{status.video_fps:.0f} fps", _PLAIN))
 
 
 def _things(candidates: tuple[Candidate, ...], size: tuple[int, int], columns: int) -> list[Line]:

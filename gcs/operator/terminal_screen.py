@@ -40,7 +40,7 @@ class Screen:
             columns, rows = os.get_terminal_size(self._out.fileno())
         except (OSError, ValueError):
             columns, rows = shutil.get_terminal_size()
-        return max(columns, 20), max(rows, 4)
+        return max(columns or 80, 20), max(rows or 24, 4)  # a serial line says 0
 
     def say(self, text: str) -> None:
         """A line that stays."""
@@ -127,6 +127,8 @@ class Screen:
 
 
 def _to_top(painted: list[str]) -> str:
+    if not painted:
+        return ""
     up = f"\x1b[{len(painted) - 1}A" if len(painted) > 1 else ""
     return f"\r{up}\x1b[J"
 

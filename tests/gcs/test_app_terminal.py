@@ -1,26 +1,39 @@
-"""The operator's words, keys and screen."""
+"""The operator at the terminal: words, keys, and what becomes of them; on a real pseudo-terminal too."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import fcntl
 import io
 import os
+import pty
+import struct
+import termios
+from collections.abc import AsyncIterator
+from dataclasses import replace
 
 import pytest
 
+from control.engagement import State
 from control.modes import FollowMode
+from gcs.clock import FakeClock
 from gcs.errors import VehicleError
+from gcs.operator.lease import Lease
 from gcs.operator.orders import (
     Abort,
     Acknowledge,
     Confirm,
+    Deselect,
     Hold,
     Land,
     Order,
     OrderError,
     Quit,
+    Record,
     Return,
     Select,
+    SelectCandidate,
     SetDistance,
     SetMode,
     SetStandoff,
@@ -28,7 +41,10 @@ from gcs.operator.orders import (
     TakeOff,
     parse_order,
 )
-from gcs.operator.terminal import Keys, Lines, Screen, TerminalOperator
+from gcs.operator.terminal import NAME, Screen, TerminalOperator
+from gcs.operator.terminal_keys import LINE_S, Key, Keys, Lines, Typed
+from tests.gcs.fake_station import FakeStation
+from tests.gcs.terminal_emulator import Terminal
 from tracker.box import Box
 
 
@@ -75,15 +91,67 @@ def test_a_wrong_line_says_what_was_expected(line: str) -> None:
     assert "\n" not in str(error.value)
 
 
-def test_single_keys_act_at_once() -> None:
-    assert list(Keys().feed("f")) == [Confirm()]
-    assert list(Keys().feed(" ")) == [Abort()]
-    assert list(Keys().feed("\x1b")) == [Abort()]
-    assert list(Keys().feed("q")) == [Quit()]
+def typed(text: str) -> list[Typed]:
+    return list(Keys(lambda: 0.0).feed(text))
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        (" ", Abort()),
+        ("\x1b", Abort()),
+        ("[", StepStandoff(-1.0)),
+        ("]", StepStandoff(1.0)),
+        ("3", SelectCandidate(3)),
+        ("c", Key.CANDIDATES),
+        ("\x0c", Key.REDRAW),
+        ("f\r", Confirm()),
+        ("F\n", Confirm()),
+        ("q\r", Quit()),
+        ("d\r", Deselect()),
+        ("a\r", Acknowledge()),
+        ("r\r", Record()),
+        ("m\r", Key.MODE),
+        (":f\r", Confirm()),
+        (":record off\r", Record(False)),
+    ],
+)
+def test_a_key_has_its_meaning(text: str, meant: Typed) -> None:
+    assert typed(text) == [meant]
+
+
+@pytest.mark.parametrize(
+    "line", ["abort", "follow", "mode orbit", "drop", "accept COM_RC_IN_MODE", "quit", "record on"]
+)
+def test_words_that_begin_like_a_key_are_still_words(line: str) -> None:
+    assert typed(line) == []
+    assert typed(line + "\r") == [parse_order(line)]
+
+
+def test_one_letter_confirms_nothing() -> None:
+    assert typed("f") == []
+    assert typed("ff") == []
+    assert typed("f\x7f\r") == []
+
+
+def test_an_enter_that_comes_much_later_confirms_nothing() -> None:
+    clock = FakeClock()
+    keys = Keys(clock.now_s)
+    assert list(keys.feed("f")) == []
+    clock.advance(LINE_S - 0.1)
+    assert keys.line == "f"
+    clock.advance(0.2)
+    assert keys.line == ""
+    assert list(keys.feed("\r")) == []
+    assert list(keys.feed("f\r")) == [Confirm()]
+
+
+def test_space_aborts_after_a_single_letter_too() -> None:
+    assert typed("f \r") == [Abort()]
 
 
 def test_a_typed_line_takes_spaces_and_letters_but_escape_still_aborts() -> None:
-    keys = Keys()
+    keys = Keys(lambda: 0.0)
     assert list(keys.feed("box 1 2 30 4x")) == []
     assert list(keys.feed("\x7f0 \r")) == [Select(Box(16.0, 22.0, 30.0, 40.0))]
     assert keys.line == ""
@@ -92,8 +160,15 @@ def test_a_typed_line_takes_spaces_and_letters_but_escape_still_aborts() -> None
     assert keys.line == ""
 
 
-def test_arrow_keys_are_no_escape() -> None:
-    assert list(Keys().feed("\x1b[A")) == []
+@pytest.mark.parametrize("text", ["\x1b[A", "\x1bOP", "\x1b[15~", "\x1b[1;5C", "\x1b[A\x1b[B"])
+def test_arrow_and_function_keys_are_no_escape(text: str) -> None:
+    assert typed(text) == []
+
+
+@pytest.mark.parametrize("text", ["\x1b\x1b\x1b", "\x1b\x1b[A", "f\x1b", "\x1b["])
+def test_escape_aborts_however_hastily_it_is_struck(text: str) -> None:
+    assert Abort() in typed(text)
+    assert Confirm() not in typed(text)
 
 
 def test_lines_come_whole_however_they_are_cut() -> None:
@@ -103,67 +178,224 @@ def test_lines_come_whole_however_they_are_cut() -> None:
     assert list(lines.feed("ort\n")) == [Abort()]
 
 
-class Flying:
-    """Records orders; take-off takes long, land is refused."""
+class Station(FakeStation):
+    """Take-off takes long, land is refused; tells of every order."""
 
-    def __init__(self) -> None:
-        self.orders: list[Order] = []
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self.came = asyncio.Event()
 
     async def perform(self, order: Order) -> str:
-        self.orders.append(order)
         self.came.set()
         if isinstance(order, TakeOff):
+            self.orders.append(order)
             await asyncio.sleep(60)
         if isinstance(order, Land):
+            self.orders.append(order)
             raise VehicleError("the vehicle refused")
-        return "done"
+        return await super().perform(order)
 
-    def status_line(self) -> str:
-        return "status"
+    async def ordered(self, count: int) -> None:
+        async with asyncio.timeout(10):
+            while len(self.orders) < count:
+                self.came.clear()
+                await self.came.wait()
+        await asyncio.sleep(0)
+
+
+@contextlib.asynccontextmanager
+async def operating(operator: TerminalOperator) -> AsyncIterator[None]:
+    task = asyncio.create_task(operator.run())
+    try:
+        yield
+    finally:
+        task.cancel()
+        (ended,) = await asyncio.gather(task, return_exceptions=True)
+        assert isinstance(ended, asyncio.CancelledError), ended
 
 
 async def test_orders_from_a_pipe_do_not_wait_for_each_other_and_answers_are_said() -> None:
     read, write = os.pipe()
-    flying, out = Flying(), io.StringIO()
+    station, out, lease = Station(), io.StringIO(), Lease()
+    lease.take("page 2", 0.0)
     with os.fdopen(read) as stdin:
-        operator = TerminalOperator(flying, Screen(out), stdin)
-        task = asyncio.create_task(operator.run())
-        os.write(write, b"takeoff\nabort\nland\nnonsense\n")
-        os.close(write)
-        while len(flying.orders) < 3:
-            flying.came.clear()
-            await flying.came.wait()
-        await asyncio.sleep(0)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-    assert flying.orders == [TakeOff(), Abort(), Land()]
+        async with operating(TerminalOperator(station, Screen(out), stdin, lease=lease, clock=FakeClock())):
+            os.write(write, b"takeoff\nabort\nland\nnonsense\nquit\n")
+            os.close(write)
+            await station.ordered(4)
+    assert station.orders == [TakeOff(), Abort(), Land(), Quit()]
+    assert lease.holder(0.0) == NAME  # a script cannot be asked
     said = out.getvalue()
-    assert "done" in said
+    assert "abort: zero, then hold" in said
     assert "the vehicle refused" in said
     assert "'nonsense' is not known" in said
-    assert "status" not in said  # no live line where there is no terminal
+    assert "\x1b" not in said  # no display where there is no terminal
+    assert station._watchers == []
 
 
-class Terminal(io.StringIO):
-    """A text stream that claims to be a terminal."""
+class Pty:
+    """A person's end of a pseudo-terminal: what has been shown, and keys."""
 
-    def isatty(self) -> bool:
-        return True
+    def __init__(self, station: Station, lease: Lease, clock: FakeClock, *, plain: bool = False) -> None:
+        self.person, machine = pty.openpty()
+        fcntl.ioctl(machine, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+        self._files = os.fdopen(machine, "r"), os.fdopen(os.dup(machine), "w")
+        self.screen = Screen(self._files[1])
+        self.operator = TerminalOperator(station, self.screen, self._files[0], lease=lease, clock=clock, plain=plain)
+        self.shown = Terminal()
+        self._plain = plain
+        self._more = asyncio.Event()
+
+    def press(self, keys: str) -> None:
+        os.write(self.person, keys.encode())
+
+    async def shows(self, *texts: str) -> None:
+        async with asyncio.timeout(10):
+            while not all(text in "\n".join(self.shown.rows) for text in texts):
+                self._more.clear()
+                await self._more.wait()
+
+    async def hides(self, text: str) -> None:
+        async with asyncio.timeout(10):
+            while text in "\n".join(self.shown.rows):
+                self._more.clear()
+                await self._more.wait()
+
+    def _read(self) -> None:
+        self.shown.write(os.read(self.person, 65536).decode(errors="replace"))
+        self._more.set()
+
+    async def __aenter__(self) -> Pty:
+        asyncio.get_running_loop().add_reader(self.person, self._read)
+        self._running = contextlib.AsyncExitStack()
+        await self._running.enter_async_context(operating(self.operator))
+        if not self._plain:  # what is typed before is thrown away
+            await self.shows("space or Esc ABORT", "\n>")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._running.aclose()
+        asyncio.get_running_loop().remove_reader(self.person)
+        for file in self._files:
+            file.close()
+        os.close(self.person)
 
 
-def test_the_live_line_stays_last() -> None:
-    out = Terminal()
-    screen = Screen(out)
-    screen.live("live " + "x" * 500)
-    screen.say("said")
-    last = out.getvalue().split("\n")[-1]
-    assert last.startswith("live")
-    assert len(last) < 500  # cut to the terminal's width: it must not wrap
-    assert "said\n" in out.getvalue()
+@pytest.fixture(autouse=True)
+def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
 
 
-def test_a_closed_output_ends_nothing() -> None:
-    out = io.StringIO()
-    out.close()
-    Screen(out).say("lost")
+@pytest.fixture
+def clock() -> FakeClock:
+    return FakeClock(100.0)
+
+
+@pytest.fixture
+def lease() -> Lease:
+    return Lease()
+
+
+@pytest.fixture
+def station(clock: FakeClock) -> Station:
+    return Station(now_s=clock.now_s)
+
+
+async def test_a_person_picks_confirms_and_aborts(station: Station, lease: Lease, clock: FakeClock) -> None:
+    async with Pty(station, lease, clock) as terminal:
+        await terminal.shows("IDLE", "nobody in control", "space or Esc ABORT")
+        station.show()
+        terminal.press("c")
+        await terminal.shows("things", "2 left, high 40x30 px")
+        terminal.press("1")
+        await station.ordered(1)
+        station.show()
+        await terminal.shows("SELECTED", f"{NAME} in control", "0.87")
+        terminal.press("f")
+        await terminal.shows("> f", "Enter: follow")
+        assert station.orders == [SelectCandidate(1)]
+        terminal.press("\r")
+        await terminal.shows("follow confirmed at 15.0 m", "FOLLOWING", "15.4 m of 15.0 m wanted")
+        terminal.press("m\r")
+        terminal.press(" ")
+        await terminal.shows("abort: zero, then hold", "RELEASED")
+    assert station.orders == [SelectCandidate(1), Confirm(), SetMode(FollowMode.PARALLEL), Abort()]
+
+
+async def test_a_number_shows_first_what_it_would_pick(station: Station, lease: Lease, clock: FakeClock) -> None:
+    async with Pty(station, lease, clock) as terminal:
+        terminal.press("1")
+        await terminal.shows("looking for things", "1 middle")
+        assert station.orders == []
+        terminal.press("1")
+        await station.ordered(1)
+
+
+async def test_control_is_taken_from_another_only_when_asked_again(
+    station: Station, lease: Lease, clock: FakeClock
+) -> None:
+    lease.take("page 2", clock.now_s())
+    async with Pty(station, lease, clock) as terminal:
+        terminal.press("]")
+        await terminal.shows("page 2 is in control: the same again takes over")
+        assert station.orders == []
+        terminal.press(" ")  # an abort is everybody's, and no answer
+        await station.ordered(1)
+        assert lease.holder(clock.now_s()) == "page 2"
+        await terminal.hides("the same again takes over")
+        terminal.press("]")
+        await terminal.shows("the same again takes over")
+        terminal.press("]")
+        await station.ordered(2)
+        assert lease.holder(clock.now_s()) == NAME
+    assert station.orders == [Abort(), StepStandoff(1.0)]
+
+
+async def test_who_stays_away_from_the_keys_loses_control(station: Station, lease: Lease, clock: FakeClock) -> None:
+    async with Pty(station, lease, clock) as terminal:
+        terminal.press("d\r")
+        await terminal.shows(f"{NAME} in control")
+        for _ in range(70):
+            clock.advance(1.0)
+            terminal.operator._view()
+        assert lease.holder(clock.now_s()) == ""
+
+
+async def test_leaving_while_following_wants_to_be_meant(station: Station, lease: Lease, clock: FakeClock) -> None:
+    station.base = replace(station.base, state=State.FOLLOWING)
+    async with Pty(station, lease, clock) as terminal:
+        terminal.press("q\r")
+        await terminal.shows("the same again stops, holds and leaves")
+        clock.advance(6.0)
+        await terminal.hides("the same again")
+        terminal.press("quit\r")
+        await terminal.shows("the same again")
+        assert station.orders == []
+        terminal.press("q\r")
+        await station.ordered(1)
+    assert station.orders == [Quit()]
+
+
+async def test_a_plain_terminal_gets_lines(station: Station, lease: Lease, clock: FakeClock) -> None:
+    async with Pty(station, lease, clock, plain=True) as terminal:
+        terminal.press("f")
+        terminal.press("\x7fdrop\n")
+        await terminal.shows("done")
+        assert station.orders == [Deselect()]
+        assert "\x1b" not in terminal.shown.getvalue()
+
+
+async def test_the_terminal_is_left_as_it_was(station: Station, lease: Lease, clock: FakeClock) -> None:
+    person, machine = pty.openpty()
+    try:
+        before = termios.tcgetattr(machine)
+        with os.fdopen(os.dup(machine), "r") as stdin:
+            operator = TerminalOperator(station, Screen(io.StringIO()), stdin, lease=lease, clock=clock)
+            async with operating(operator):
+                await asyncio.sleep(0)
+                assert termios.tcgetattr(machine) != before
+        assert termios.tcgetattr(machine) == before
+    finally:
+        os.close(person)
+        os.close(machine)
