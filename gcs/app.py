@@ -126,9 +126,10 @@ async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, cl
         starting(f"waiting for the vehicle at {options.vehicle}")
         async with open_link(options.vehicle, config, clock, folder) as link:
             displays.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
-            with recorder(folder, config, source, displays.say, figures=link.wire.figures) as record:
+            watermark = "SIM" if config.vehicle.simulated else None
+            with recorder(folder, config, source, displays.say, watermark, link.wire.figures) as record:
                 flight = make_flight(link, source, tracker, config, clock, displays.say, record)
-                station = FlightStation(flight)
+                station = FlightStation(flight, watermark)
                 operator = TerminalOperator(station, screen)
                 beside = [operator.run(), *_preselect(station, options.box, displays.say)]
                 if options.json:

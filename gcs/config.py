@@ -175,7 +175,7 @@ class VehicleConfig:
     mode, which then decides distance and height. system_id: null takes the first autopilot heard. timeout_s: how
     long to wait for it. accept_parameters: names that the audit calls unsafe and you take as they are, as
     [COM_RC_OVERRIDE]. signing_key: the file of the key (see `gcs keys`), never the key itself; null leaves the link
-    unsigned.
+    unsigned. simulated: true marks page, film and stream with SIM.
     """
 
     url: str = "udpin://0.0.0.0:14540"
@@ -186,6 +186,7 @@ class VehicleConfig:
     timeout_s: float = _ranged(1.0, 15.0, 300.0)
     accept_parameters: tuple[str, ...] = ()
     signing_key: str | None = None
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         for name in self.accept_parameters:
