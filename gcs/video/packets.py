@@ -15,6 +15,7 @@ from gcs.video.frame import SILENT_S
 BEHIND_S: Final = 0.25  # what waits longer than this makes room for what is newer
 MOST_PACKETS: Final = 2000
 _WAIT_S: Final = SILENT_S + 0.5  # FFmpeg itself should say so first
+_CLOSE_S: Final = 0.2
 _KEY = re.compile(rb"\x00\x00\x01[\x25\x27\x45\x47\x65\x67]")  # H.264: parameters, or a whole picture, begin
 _HEAD: Final = 64
 
@@ -33,7 +34,8 @@ class PacketQueue:
         self._changed = threading.Condition()
         self._error: BaseException | None = None
         self._stop = False
-        threading.Thread(target=self._run, name="video packets", daemon=True).start()
+        self._thread = threading.Thread(target=self._run, name="video packets", daemon=True)
+        self._thread.start()
 
     def get(self) -> tuple[Any, float]:
         """The oldest packet and when it came; waits. Raises what ended the stream, VideoError where it is silent."""
@@ -92,8 +94,9 @@ class PacketQueue:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Nothing more is wanted; returns at once."""
+        """Nothing more is wanted. A stream that flows is closed on return; one that stalls, by itself a little later."""
         with self._changed:
             self._stop = True
             self._waiting.clear()
             self._changed.notify_all()
+        self._thread.join(_CLOSE_S)

@@ -20,17 +20,17 @@ MAX_BAD_PACKETS: Final = 300
 LIVE_OPTIONS: Final = {
     "rtsp_transport": "tcp",
     "flags": "low_delay",
-    # FFmpeg would hold back up to a second of a stream while it guesses rate and format. What it reads to find the
-    # format it keeps (no `nobuffer`), so that the key frame in it is not lost.
+    # FFmpeg would hold back up to a second of a stream while it guesses its rate. What it reads to find the format it
+    # keeps (no `nobuffer`), so that the key frame in it is not lost.
     "fpsprobesize": "0",
-    "analyzeduration": "1",
-    "probesize": "5000",
+    "analyzeduration": "100000",
+    "probesize": "1000000",
     "overrun_nonfatal": "1",
     "protocol_whitelist": PROTOCOLS,
 }
 # FFmpeg's parser gives a picture only when the next one has begun. In MPEG-TS a packet is a whole picture already,
 # and an H.264 decoder that takes slices as they come (`chunks`) needs no parser. RTP's packets are pieces of pictures.
-MPEGTS_OPTIONS: Final = {"fflags": "+noparse+nofillin"}
+MPEGTS_OPTIONS: Final = {"fflags": "+noparse"}
 _UNPARSED: Final = frozenset({"h264", "mjpeg"})
 _MOST_PES_BYTES: Final = 200 * 1024  # FFmpeg cuts larger pictures in pieces of this size (less a little)
 _LEAST_PIECE_BYTES: Final = _MOST_PES_BYTES - 188
@@ -58,10 +58,10 @@ class AvDecoder:
         if live and may_be_mpegts(address):
             options |= MPEGTS_OPTIONS
         try:
-            with as_opened(address) as opened:
-                self._container: Any = av.open(opened, options=options, timeout=(OPEN_TIMEOUT_S, SILENT_S))
-        except (av.FFmpegError, OSError, ValueError) as error:
-            raise VideoError(f"{self._name}: {_reason(error)}") from error
+            self._container: Any = self._open(address, options)
+        except av.InvalidDataError:
+            del options["fflags"]  # H.264 as it is, not in MPEG-TS
+            self._container = self._open(address, options)
         try:
             self._stream: Any = self._video_stream()
         except VideoError:
@@ -80,6 +80,19 @@ class AvDecoder:
         self._queue = PacketQueue(self._packets, self._container.close, self._name) if live else None
         self._waiting: list[Any] = []
         self._arrived_s = 0.0  # the packet that gave them
+
+    def _open(self, address: str, options: dict[str, str]) -> Any:
+        try:
+            with as_opened(address) as opened:
+                return self._av.open(opened, options=options, timeout=(OPEN_TIMEOUT_S, SILENT_S))
+        except self._av.InvalidDataError:
+            if "fflags" in options:
+                raise
+            raise VideoError(
+                f"{self._name}: no video that can be read (another format, encrypted or damaged)"
+            ) from None
+        except (self._av.FFmpegError, OSError, ValueError) as error:
+            raise VideoError(f"{self._name}: {_reason(error)}") from error
 
     def _video_stream(self) -> Any:
         streams = self._container.streams
@@ -156,7 +169,7 @@ class AvDecoder:
         return list(self._context.decode(packet))
 
     def close(self) -> None:
-        """Never waits: of a live stream the thread that reads closes it, when its read comes back."""
+        """Of a live stream the thread that reads closes it, when its read comes back; nobody waits for long."""
         if self._queue is not None:
             self._queue.close()
         else:
@@ -169,6 +182,6 @@ def _reason(error: Exception) -> str:
     reason = str(strerror or error).splitlines()[0].lower()
     if reason.startswith("immediate exit"):
         return f"nothing came for {SILENT_S:.0f} s"
-    if reason.startswith("invalid data"):
-        return "no video that can be read (another format, encrypted or damaged)"
+    if reason == "protocol not found":
+        return "the FFmpeg that PyAV brings knows no such protocol"
     return reason

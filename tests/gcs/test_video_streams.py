@@ -138,21 +138,6 @@ def sound(path: Path) -> Path:
     return path
 
 
-def test_an_encrypted_video_is_told_as_unreadable(tmp_path: Path) -> None:
-    import av
-
-    path = tmp_path / "encrypted.mp4"
-    key = {"encryption_scheme": "cenc-aes-ctr", "encryption_key": "0123456789abcdef" * 2, "encryption_kid": "a7" * 16}
-    with av.open(str(path), "w", options=key) as container:
-        stream = container.add_stream("libx264", rate=25)
-        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
-        for number in range(10):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(number), format="bgr24")))
-        container.mux(stream.encode(None))
-    with pytest.raises(VideoError, match=r"encrypted\.mp4"):
-        open_source(str(path))
-
-
 @pytest.mark.parametrize(
     ("address", "reason"),
     [
