@@ -90,7 +90,8 @@ class Facts:
         return messages.fov_status(self._time_ms(now_s), self._station.size, self._station.hfov_rad)
 
     def _image_status(self, now_s: float) -> Message:
-        return messages.image_status(*self._view.now(now_s, self._station.status()), self._setup.rendered)
+        rendered = self._setup.rendered and self._setup.stream_url is not None
+        return messages.image_status(*self._view.now(now_s, self._station.status()), rendered)
 
     def _geo_status(self, now_s: float) -> Message | None:
         if self._where is None:
