@@ -185,7 +185,10 @@ def _ages(status: Status) -> Line:
 def _things(candidates: tuple[Candidate, ...], size: tuple[int, int], columns: int) -> list[Line]:
     if not candidates:
         return [_line("things", ("looking for what moves ...", _LABEL))]
-    cells = [f"{each.number} {where(each.box, size)}" for each in candidates[:_MOST_CANDIDATES]]
+    cells = [
+        f"{each.number} {where(each.box, size)} at {each.box.cx_px / size[0]:.0%} {each.box.cy_px / size[1]:.0%}"
+        for each in candidates[:_MOST_CANDIDATES]
+    ]
     width = max(map(cell_len, cells)) + 3
     across = max(1, (columns - 1 - _LABEL_COLUMNS) // width)
     rows = [cells[start : start + across] for start in range(0, len(cells), across)]

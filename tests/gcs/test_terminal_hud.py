@@ -45,7 +45,7 @@ def test_everything_fits_the_smallest_usual_terminal() -> None:
         "FOLLOWING: target lost", "video is late", "SIM", "page 2 in control", "! nothing is heard", "speed, fence",
         "left, low 30x60 px", "0.87", "15.4 m of 15.0 m wanted (+0.4)", "follow", "hold · armed · 10.0 m high",
         "battery 83%", "145 ms", "glass 100", "tracker 20", "in 8.1 out 1.9 kB/s", "heartbeat 0.", "video never",
-        "4 left, low", "space or Esc ABORT", "f Enter follow", "> f",
+        "4 left, low 30x60 px at 16% 83%", "space or Esc ABORT", "f Enter follow", "> f",
     ):  # fmt: skip
         assert part in text, part
 
