@@ -15,20 +15,27 @@ from tests.gcs.fake_station import FakeStation
 class Leaving(FakeStation):
     """Ends with the order to quit."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.left = asyncio.Event()
+
     async def perform(self, order: Order) -> str:
         if isinstance(order, Quit):
-            raise SystemExit
+            self.left.set()
+            return "leaving"
         return await super().perform(order)
 
 
 async def main() -> None:
     station = Leaving()
     operator = TerminalOperator(station, Screen(sys.stdout), lease=Lease(), plain="--plain" in sys.argv)
-    async with asyncio.TaskGroup() as group:
-        group.create_task(station.run())
-        group.create_task(operator.run())
+    running = [asyncio.create_task(station.run()), asyncio.create_task(operator.run())]
+    await station.left.wait()
+    for task in running:
+        task.cancel()
+    await asyncio.gather(*running, return_exceptions=True)
 
 
 if __name__ == "__main__":
-    with contextlib.suppress(KeyboardInterrupt, SystemExit, BaseExceptionGroup):
+    with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(main())
