@@ -12,6 +12,7 @@ import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from control.modes import FollowMode
 from gcs.autopilot.actions import VehicleActions
@@ -41,6 +42,8 @@ from gcs.video import VideoSource, open_source
 from gcs.video.frame import redact
 from gcs.wire import Wire
 from tracker.box import Box
+
+_ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +133,7 @@ async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, cl
             with recorder(folder, config, source, displays.say, watermark, link.wire.figures) as record:
                 flight = make_flight(link, source, tracker, config, clock, displays.say, record)
                 station = FlightStation(flight, watermark)
-                operator = TerminalOperator(station, screen)
+                operator = TerminalOperator(station, screen, lease=displays.lease, clock=clock, plain=options.plain)
                 beside = [operator.run(), *_preselect(station, options.box, displays.say)]
                 if options.json:
                     beside.append(write_lines(station, displays.lease, clock, sys.stdout))
@@ -260,12 +263,16 @@ def first_of(group: BaseExceptionGroup[BaseException]) -> BaseException:
 
 @contextlib.contextmanager
 def signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the flight in order, however often they come; afterwards they are as before."""
+    """Ctrl-C, SIGTERM and a lost terminal end the flight in order, however often they come; then they are as before.
+
+    What `nohup` has made deaf to a lost terminal stays so.
+    """
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    numbers = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in numbers:
         loop.add_signal_handler(number, stop)
     try:
         yield
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in numbers:
             loop.remove_signal_handler(number)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
+from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.flight import Flight
 from gcs.flight_station import FlightStation
 from gcs.framing import Message
 from gcs.operator.camera.place import place_of
 from gcs.operator.camera.server import CameraServer, setup_of
-from gcs.operator.camera.setup import COMPONENT_IDS
+from gcs.operator.camera.setup import COMPONENT_IDS, CameraSetup
 from gcs.operator.lease import Lease
 
 _LISTEN_S: Final = 1.5  # a camera says that it is there once a second
@@ -36,7 +37,7 @@ async def run_camera(
     heard = await _cameras_heard(flight, system_id)
     try:
         setup = replace(
-            setup_of(config, system_id, heard),
+            camera_setup(flight.config, system_id, heard),
             stream_url=stream_url,
             rendered=flight.config.video_out.annotated,
             bitrate_kbps=flight.config.video_out.bitrate_kbps,
@@ -49,6 +50,13 @@ async def run_camera(
     say(f"MAVLink camera {setup.system_id}/{setup.component_id} at {config.url}")
     async with server:
         await server.run()
+
+
+def camera_setup(config: Config, system_id: int = 1, heard: Collection[int] = ()) -> CameraSetup:
+    """What the camera definition is made of, and the camera: both must agree."""
+    follow = config.control.follow
+    setup = setup_of(config.mavlink_camera, system_id, heard)
+    return replace(setup, standoff_m=(follow.min_distance_m, follow.max_distance_m))
 
 
 async def _cameras_heard(flight: Flight, system_id: int) -> set[int]:

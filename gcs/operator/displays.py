@@ -68,10 +68,11 @@ class Displays:
         """What a MAVLink camera's clients fetch here."""
         if self._config.mavlink_camera.url is None:
             return []
+        from gcs.flight_camera import camera_setup
         from gcs.operator.camera.definition import routes
-        from gcs.operator.camera.server import definition_of, setup_of
+        from gcs.operator.camera.server import definition_of
 
-        return routes(definition_of(setup_of(self._config.mavlink_camera, system_id=1)))
+        return routes(definition_of(camera_setup(self._config)))
 
     @property
     def definition_url(self) -> str | None:

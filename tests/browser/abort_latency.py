@@ -20,14 +20,6 @@ from playwright.async_api import async_playwright
 from tests.browser.conftest import ARGS, LAPTOP, chromium, reads
 from tests.browser.flight import Flown, draw_target, flown, hold_follow
 
-WORLD = {
-    "text": "A red car that goes round in circles.",
-    "height_m": 9,
-    "actors": [
-        {"name": "target", "kind": "car", "colour": "red", "start": [16, -4, 0],
-         "path": [{"turn_deg": 350, "radius_m": 5}] * 200, "speed": [[0, 0], [8, 0], [10, 2]]}
-    ],
-}  # fmt: skip
 LISTEN = """addEventListener('keydown', (event) => {
   if (event.code === 'Space') window.pressed = performance.timeOrigin + event.timeStamp;
 }, true)"""
@@ -69,8 +61,7 @@ async def measure(presses: int) -> list[float]:
     found: list[float] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "circles.json").write_text(json.dumps(WORLD))
-        async with async_playwright() as playwright, flown(folder, scene=str(folder / "circles.json")) as flight:
+        async with async_playwright() as playwright, flown(folder) as flight:
             launched = await playwright.chromium.launch(executable_path=chromium(), args=list(ARGS))
             page = await (await launched.new_context(viewport=LAPTOP)).new_page()
             await page.add_init_script(LISTEN)

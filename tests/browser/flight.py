@@ -23,6 +23,14 @@ CONFIG = """
 camera: {hfov_deg: 70, mount_rpy_deg: [0, -28, 0], glass_delay_s: 0.1}
 control: {limits: {fence: {radius_m: 400}}}
 """
+CIRCLES = {
+    "text": "A red car that goes round in circles.",
+    "height_m": 9,
+    "actors": [
+        {"name": "target", "kind": "car", "colour": "red", "start": [16, -4, 0],
+         "path": [{"turn_deg": 350, "radius_m": 5}] * 200, "speed": [[0, 0], [8, 0], [10, 2]]}
+    ],
+}  # fmt: skip
 
 
 @dataclass
@@ -34,6 +42,7 @@ class Flown:
     url: str
     process: asyncio.subprocess.Process
     setpoints: list[tuple[float, bool]] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
 
     @property
     def monitor(self) -> dict[str, Any]:
@@ -50,11 +59,12 @@ class Flown:
 
 
 @contextlib.asynccontextmanager
-async def flown(folder: Path, *arguments: str, scene: str = "demo", fps: float = 10.0) -> AsyncIterator[Flown]:
-    """In the air, seen, not yet selected. arguments: more of them for `gcs run`."""
-    truth, stop = folder / "truth.jsonl", asyncio.Event()
+async def flown(folder: Path, *arguments: str, scene: str | None = None, fps: float = 10.0) -> AsyncIterator[Flown]:
+    """In the air, seen, not yet selected. arguments: more of them for `gcs run`. scene: None is a car in circles."""
+    truth, stop, circles = folder / "truth.jsonl", asyncio.Event(), folder / "circles.json"
+    circles.write_text(json.dumps(CIRCLES))
     config = SimulatorConfig(
-        scenario.load(scene), ("127.0.0.1", free_port()), Personality.PX4, fps=fps, start_in_air=True,
+        scenario.load(scene or str(circles)), ("127.0.0.1", free_port()), Personality.PX4, fps=fps, start_in_air=True,
         truth_file=truth, parameters=PREPARED[Personality.PX4],
     )  # fmt: skip
     (folder / "config.yaml").write_text(CONFIG)
@@ -74,17 +84,26 @@ async def flown(folder: Path, *arguments: str, scene: str = "demo", fps: float =
             line = (await process.stdout.readline()).decode()
             assert line, "gcs run has ended"
             url = line.removeprefix("page: ").strip() if line.startswith("page: ") else ""
-        reading = asyncio.create_task(process.stdout.read())
         flight = Flown(simulator, truth, url, process)
+        reading = asyncio.create_task(_listen(process.stdout, flight.said))
         with _tapped(flight):
             yield flight
+        print(*flight.said, sep="\n")
         reading.cancel()
+    except BaseException:
+        print(*flight.said, sep="\n")
+        raise
     finally:
         with contextlib.suppress(ProcessLookupError):
             process.terminate()
         await process.wait()
         stop.set()
         await running
+
+
+async def _listen(stream: asyncio.StreamReader, said: list[str]) -> None:
+    while line := await stream.readline():
+        said.append(line.decode().rstrip())
 
 
 @contextlib.contextmanager

@@ -134,7 +134,7 @@ def camera_file(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("number", "signed"), [(signal.SIGINT, False), (signal.SIGTERM, True)])
+@pytest.mark.parametrize(("number", "signed"), [(signal.SIGHUP, False), (signal.SIGTERM, True)])
 async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal.Signals, signed: bool) -> None:
     key = SigningKey.random()
     write_key(tmp_path / "signing.key", key)

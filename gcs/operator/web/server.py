@@ -194,6 +194,7 @@ class Page:
             await viewer.run(self._handle)
         finally:
             self._audience.leave(viewer)
+            self._lease.release(viewer.name)  # whoever comes back, by a reload too, may order at once
             if request.transport is not None:
                 request.transport.abort()  # what a slow one has not taken until now is for nobody
         return ws
