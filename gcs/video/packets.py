@@ -50,11 +50,10 @@ class PacketQueue:
             packet, arrived_s, _ = self._waiting.popleft()
             return packet, arrived_s
 
-    @property
-    def has_more(self) -> bool:
-        """Something waits."""
+    def holds_from_before(self, t_s: float) -> bool:
+        """Something that came before then waits."""
         with self._changed:
-            return bool(self._waiting)
+            return bool(self._waiting) and self._waiting[0][1] < t_s
 
     @property
     def is_behind(self) -> bool:
@@ -94,7 +93,7 @@ class PacketQueue:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Nothing more is wanted. A stream that flows is closed on return; one that stalls, by itself a little later."""
+        """Nothing more is wanted. A stream that flows is closed on return, one that stalls by itself a little later."""
         with self._changed:
             self._stop = True
             self._waiting.clear()

@@ -115,7 +115,7 @@ class AvDecoder:
 
     def read(self) -> Decoded | None:
         start_s = time.monotonic()
-        while not self._waiting or (self._queue is not None and self._queue.has_more):
+        while not self._waiting or (self._queue is not None and self._queue.holds_from_before(start_s)):
             more = self._decode_packet()
             if not more and not self._waiting:
                 return None

@@ -18,6 +18,7 @@ from gcs.video import live as live_module
 from gcs.video import packets as packets_module
 from gcs.video import pyav as pyav_module
 from gcs.video.live import LiveSource
+from gcs.video.packets import PacketQueue
 from gcs.video.pyav import is_installed
 from tests.gcs import clips
 from tests.gcs.rtsp_server import RtspServer
@@ -182,3 +183,49 @@ def test_a_server_that_stalls_within_a_picture_is_noticed(monkeypatch: pytest.Mo
     done.set()
     server.join()
     listener.close()
+
+
+def test_a_decoder_that_is_too_slow_gives_new_pictures_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice too slow: without dropping, pictures would be a second old after two."""
+    monkeypatch.setattr(live_module, "BEHIND_S", 0.06)
+    decode, port = pyav_module.AvDecoder._decode, free_port()
+
+    def slowly(decoder: pyav_module.AvDecoder, packet: object) -> list[object]:
+        time.sleep(0.04)
+        return decode(decoder, packet)
+
+    monkeypatch.setattr(pyav_module.AvDecoder, "_decode", slowly)
+    with StreamSender("mpegts", port, fps=50.0, gop=5) as sender:
+        source = open_source(f"udp://127.0.0.1:{port}", reconnect=False)
+        assert isinstance(source, LiveSource)
+        wait_for(lambda: "decoding is" in source.trouble)
+        wait_for(lambda: len(sender.sent_s) > 80)
+        behind = len(sender.sent_s) - numbers(source, 1)[0]
+        source.close()
+    assert behind < 40
+
+
+def test_what_waits_too_long_makes_room_for_the_next_key_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Packet:
+        def __init__(self, data: bytes, is_keyframe: bool = False) -> None:
+            self.data, self.is_keyframe = data, is_keyframe
+
+        def __bytes__(self) -> bytes:
+            return self.data
+
+    finished = threading.Event()
+    picture, key = b"\0\0\0\1\x41", b"\0\0\0\1\x67"
+    sent = [Packet(picture), Packet(key), Packet(picture), Packet(b"", True), Packet(picture), Packet(picture)]
+    queue = PacketQueue(iter(sent), finished.set, "test")
+    wait_for(lambda: len(queue._waiting) == len(sent))
+    assert queue.get()[0] is sent[0]
+    monkeypatch.setattr(packets_module, "BEHIND_S", -1.0)  # now everything waits too long
+    assert queue.is_behind
+    assert queue.get()[0] is sent[3]
+    assert queue.get()[0] is sent[4]
+    assert queue.get()[0] is sent[5]
+    with pytest.raises(StopIteration):
+        queue.get()
+    assert not finished.is_set()
+    queue.close()
+    assert finished.wait(5.0)
