@@ -88,10 +88,9 @@ async def flown(folder: Path, *arguments: str, scene: str | None = None, fps: fl
         reading = asyncio.create_task(_listen(process.stdout, flight.said))
         with _tapped(flight):
             yield flight
-        print(*flight.said, sep="\n")
         reading.cancel()
     except BaseException:
-        print(*flight.said, sep="\n")
+        print(*flight.said, sep="\n")  # shown with the failure
         raise
     finally:
         with contextlib.suppress(ProcessLookupError):
@@ -120,18 +119,22 @@ def _tapped(flight: Flown) -> Iterator[None]:
 
 
 async def draw_target(flight: Flown, page: Any) -> None:
-    """A box round the target as it is now."""
+    """A box round the target as it is now, and the answer to it."""
     x, y, w, h = flight.box_px()
+    await page.evaluate("document.getElementById('says').replaceChildren()")
     await drag(page, (x, y), (x + w, y + h))
+    await page.locator("#says", has_text="to follow").wait_for()
     await reads(page, "state", "SELECTED")
 
 
 async def hold_follow(page: Any) -> None:
-    """F, for long enough."""
+    """F, until the ring is full."""
     await page.wait_for_selector("#follow:not(:disabled)")
     ring = page.locator("#ring")
     await page.keyboard.down("f")
-    await ring.wait_for(state="visible")
-    await ring.wait_for(state="hidden")
-    await page.keyboard.up("f")
+    try:
+        await ring.wait_for(state="visible")
+        await ring.wait_for(state="hidden")
+    finally:
+        await page.keyboard.up("f")
     await reads(page, "state", "FOLLOWING")
