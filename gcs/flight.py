@@ -270,7 +270,7 @@ class Flight:
         if now_s > self._settled_s:
             warnings = link_warnings(self.link.wire, self.link.telemetry, now_s)
             warnings += self.gimbal.warnings(now_s) if self.gimbal is not None else ()
-        trouble = (self.vision.trouble,) if self.vision.trouble else ()
+        trouble = (f"video: {self.vision.trouble}",) if self.vision.trouble else ()
         return trouble + warnings + self.glass.warnings()
 
     def status_line(self) -> str:
