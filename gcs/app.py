@@ -1,8 +1,7 @@
-"""`gcs run`: opens everything a flight needs, flies, and closes it in order."""
+"""Opens everything a flight needs, flies, and closes it in order. `gcs.launch` begins it."""
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import gc
@@ -10,31 +9,27 @@ import importlib
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from control.modes import FollowMode
 from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
-from gcs.backend import Backend
-from gcs.cli_operator import with_operator_arguments
-from gcs.cli_vehicle import with_arguments
-from gcs.clock import Clock, MonotonicClock
-from gcs.config import AutopilotChoice, Config, FollowChoice, load
+from gcs.clock import Clock
+from gcs.config import AutopilotChoice, Config
 from gcs.dryrun_output import prepare_folder
-from gcs.errors import ConfigError, GcsError, VehicleError, VideoError
+from gcs.errors import GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_camera import run_camera
 from gcs.flight_control import Wanted
 from gcs.flight_record import TLOG, FlightRecorder
 from gcs.flight_station import FlightStation
+from gcs.launch import RunOptions
 from gcs.link_meters import LinkFigures
 from gcs.operator.displays import Displays, stream_url
 from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
-from gcs.selection import parse_box
 from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
@@ -46,73 +41,8 @@ from tracker.box import Box
 _ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """What `gcs run` was asked for; out: a folder for the record, None keeps none. box: selected at once.
-
-    plain: the terminal shows lines only. json: the state as JSON lines on stdout.
-    """
-
-    video: str
-    vehicle: str
-    config: Config
-    out: Path | None = None
-    box: Box | None = None
-    plain: bool = False
-    json: bool = False
-
-
-def main(args: argparse.Namespace) -> int:
-    """The command: arguments over configuration."""
-    config = with_operator_arguments(load(args.config, args.profile), args)
-    vehicle = with_arguments(config.vehicle, args)
-    if args.autopilot is not None:
-        vehicle = replace(vehicle, autopilot=AutopilotChoice(args.autopilot))
-    video = args.video or config.video.url
-    if not video:
-        raise VideoError("no video: give --video URL, or video.url in the configuration")
-    if vehicle.backend is Backend.FOLLOW_TARGET:
-        _check_own_mode(config)
-    options = RunOptions(
-        video=video,
-        vehicle=vehicle.url,
-        config=replace(config, vehicle=vehicle),
-        out=Path(args.out) if args.out else Path(config.recorder.folder) / "run",
-        box=None if args.box is None else parse_box(args.box),
-        plain=args.plain or args.json,
-        json=args.json,
-    )
-    return run(options, Screen(sys.stderr if args.json else sys.stdout))
-
-
-def _check_own_mode(config: Config) -> None:
-    """ConfigError for what the vehicle's own follow mode decides, or does, itself."""
-    if config.follow.mode is not FollowChoice.FOLLOW:
-        mode = config.follow.mode.value
-        raise ConfigError(f"the vehicle's own follow mode (--backend follow-target) cannot do follow.mode {mode}")
-    if config.gimbal.enabled:
-        raise ConfigError("the vehicle's own follow mode points the gimbal itself: gimbal.enabled must be false")
-
-
-def run(options: RunOptions, screen: Screen) -> int:
-    """Fly until the operator quits or a signal comes; the exit status. GcsError for what cannot be flown."""
-    return asyncio.run(_run(options, screen))
-
-
-async def _run(options: RunOptions, screen: Screen) -> int:
-    config, clock = options.config, MonotonicClock()
-    displays = Displays(config, clock, screen.say)
-    await displays.open()
-    try:
-        if displays.url is not None:
-            screen.say(f"page: {displays.url}")
-        await _run_shown(options, screen, displays, clock)
-    finally:
-        await displays.close()
-    return 0
-
-
-async def _run_shown(options: RunOptions, screen: Screen, displays: Displays, clock: Clock) -> None:
+async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clock: Clock) -> None:
+    """Fly until the operator quits or a signal comes. GcsError for what cannot be flown."""
     config = options.config
 
     def starting(text: str) -> None:

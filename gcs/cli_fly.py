@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
 def _add_run(commands: Commands) -> None:
     p = add_command(
         commands, "run", "fly: draw a box, confirm, and the vehicle follows",
-        handler="gcs.app:main",
+        handler="gcs.launch:main",
         more="Selecting moves nothing; a separate confirmation does. Ctrl-C sends zero, then hold, then leaves.",
         examples=(
             "gcs run --video rtsp://192.168.1.10/main --config my.yaml",

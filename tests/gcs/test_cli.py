@@ -239,5 +239,5 @@ def test_run_and_demo_hand_their_arguments_on(monkeypatch: pytest.MonkeyPatch) -
     assert cli.main([*run, "--autopilot", "px4", "--timeout", "5", "--out", "o"]) == 0
     assert cli.main(["demo", "--seconds", "20", "--scenario", "walk", "--seed", "3", "--personality", "px4"]) == 0
     first, second = got
-    assert (first.handler, first.video, first.timeout, first.autopilot) == ("gcs.app:main", "udp://:5600", 5.0, "px4")
+    assert (first.handler, first.video, first.timeout, first.autopilot) == ("gcs.launch:main", "udp://:5600", 5.0, "px4")
     assert (second.handler, second.seconds, second.seed, second.json) == ("gcs.demo:main", 20.0, 3, False)
