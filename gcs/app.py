@@ -75,6 +75,8 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
                     )  # fmt: skip
                     with signals(flight.stop), contextlib.closing(station):
                         await fly(flight, *beside, camera)
+        if folder is not None:
+            screen.say(f"recorded in {folder}: `gcs replay {folder}`, `gcs report {folder}`")
     finally:
         await asyncio.to_thread(source.close)
 
@@ -95,7 +97,7 @@ def open_live(address: str, config: Config) -> VideoSource:
     source = open_source(address, glass_delay_s=config.camera.assumed_glass_delay_s, reconnect=config.video.reconnect)
     if not source.is_live:
         source.close()
-        raise VideoError(f"{address} is recorded video, which can never fly a vehicle; use `gcs dryrun`")
+        raise VideoError(f"{address} is recorded video, which can never fly a vehicle; use `gcs dry-run`")
     return source
 
 

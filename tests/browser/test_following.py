@@ -146,6 +146,8 @@ async def test_the_drawer_needs_a_second_too(desk: Desk) -> None:
     await page.mouse.up()
     assert desk.given(TakeOff) == [TakeOff(12.0)]
     assert not desk.given(Land)
+    await page.wait_for_selector("#drawer", state="hidden")  # the picture is what counts now
+    await page.keyboard.press("d")
     await page.fill("#distance-value", "21.5")
     await page.press("#distance-value", "Enter")
     await desk.until(lambda: desk.given(SetDistance) == [SetDistance(21.5)])

@@ -25,6 +25,7 @@ const WORSE = { calm: 0, good: 0, caution: 1, alarm: 2 };
 const page = {
   welcome: null,
   starting: "",
+  hadStation: false, // in this connection, or the last one
   status: null,
   statusAt: 0,
   shownAt: 0,
@@ -78,7 +79,7 @@ function starting({ text: line }) {
 
 function welcomed(message) {
   forget();
-  Object.assign(page, { welcome: message, starting: "" });
+  Object.assign(page, { welcome: message, starting: "", hadStation: true });
   document.body.dataset.station = "yes";
   document.title = message.watermark ? `${message.watermark} · Operator` : "Operator";
   by("watermark").textContent = message.watermark ?? "";
@@ -175,6 +176,9 @@ function refresh() {
   else if (isLost && welcome) {
     banner("alarm", "CONNECTION LOST", `${age_s} s · last: ${status?.headline ?? "nothing"}`);
     notice("CONNECTION LOST", `What you see is ${age_s} s old. ABORT is sent another way.`, true);
+  } else if (isLost && page.hadStation) {
+    banner("calm", "ENDED", "");
+    notice("THE STATION HAS ENDED", "Start it again, and open the link that it prints.");
   } else if (isLost) notice("Connecting", link.reason || "to the station", true);
   else if (!welcome) notice("Starting", page.starting, true);
   else if (!page.shown) notice("No picture yet", "", true);

@@ -18,6 +18,11 @@ export function drawer({ order }) {
       by(button).setAttribute("aria-expanded", String(id === name));
     }
   };
+  /** The vehicle moves: from now on the picture is what counts. */
+  const given = (message) => {
+    if (message.do !== "accept") show(null);
+    order(message);
+  };
   const number = (id) => (by(id).value.trim() && by(id).validity.valid ? Number(by(id).value) : null);
   const messages = {
     hold: () => ({ do: "hold" }),
@@ -31,7 +36,7 @@ export function drawer({ order }) {
       const message = messages[button.dataset.do]();
       if (typeof message === "string") return say(`expected ${message}`, "alarm");
       pressed = button;
-      hold.begin({ done: () => order(message), left: (why) => why && say(`not done: ${why}`, "alarm") });
+      hold.begin({ done: () => given(message), left: (why) => why && say(`not done: ${why}`, "alarm") });
     };
     onHeld(button, press, () => hold.end());
     button.type = "button";
