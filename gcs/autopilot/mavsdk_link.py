@@ -12,14 +12,14 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import mavsdk
 
 from gcs import codec
 from gcs.clock import Clock
 from gcs.errors import VehicleError
-from gcs.framing import Message
+from gcs.framing import Message, dialect
 from gcs.wire import Wire
 
 T = TypeVar("T")
@@ -28,6 +28,19 @@ _OUTGOING_FRAMES = 256
 _CLOSED = "the connection to the vehicle is closed"
 _PENDING_S = 15.0  # the longest MAVSDK call gives up after 12 s
 log = logging.getLogger(__name__)
+
+# Where it is and how it lies, many times a second: actions and parameters need none of it.
+_NOT_FOR_IT: Final = frozenset(
+    {
+        dialect.MAVLINK_MSG_ID_ATTITUDE,
+        dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+        dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        dialect.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+        dialect.MAVLINK_MSG_ID_CURRENT_MODE,
+        dialect.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+    }
+)
 
 
 class MavsdkLink:
@@ -74,7 +87,9 @@ class MavsdkLink:
     def _feed(self, message: Message, _t_s: float) -> None:
         vehicle = self._wire.vehicle
         # Of the autopilot alone: MAVSDK would take a COMMAND_ACK or PARAM_VALUE from any component of the system.
-        if not self._closed and vehicle is not None and codec.is_from(message, vehicle):
+        if self._closed or vehicle is None or message.get_msgId() in _NOT_FOR_IT:
+            return
+        if codec.is_from(message, vehicle):
             self._mavsdk.pass_received_raw_bytes(bytes(message.get_msgbuf()))
 
     async def system(self, timeout_s: float) -> Any:
