@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import importlib.util
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from aiohttp import web
 
@@ -14,13 +15,25 @@ from gcs.errors import GcsError
 if TYPE_CHECKING:
     from gcs.operator.station import Station
 
-_NAME = "gcs.operator.web.webrtc"
+_NAME: Final = "gcs.operator.web.webrtc"
+_BODY_S: Final = 5.0
 
 
 def has_webrtc() -> bool:
     """It can be asked for."""
     module = _module()
     return module is not None and bool(module.is_installed())
+
+
+async def offer_of(request: web.Request) -> str:
+    """The browser's offer, or a refusal in one line."""
+    try:
+        async with asyncio.timeout(_BODY_S):
+            return (await request.read()).decode()
+    except TimeoutError:
+        raise web.HTTPRequestTimeout(text="the offer did not come") from None
+    except (web.RequestPayloadError, ValueError):
+        raise web.HTTPBadRequest(text="that is no offer") from None
 
 
 async def answer_webrtc(station: Station, offer_sdp: str) -> web.Response:

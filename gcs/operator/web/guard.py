@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import hmac
 import ipaddress
@@ -36,7 +37,7 @@ class Guard:
 
     def __init__(self, token: str | None, names: tuple[str, ...]) -> None:
         self.token = token or secrets.token_urlsafe(18)
-        self.cookie = hmac.new(self.token.encode(), b"the operator's page", hashlib.sha256).hexdigest()
+        self.cookie = _cookie_of(self.token)
         self._names = frozenset(name.lower().rstrip(".") for name in ("localhost", *names))
 
     def is_token(self, given: str) -> bool:
@@ -66,6 +67,11 @@ class Guard:
             return False
         scheme, separator, place = origin.partition("://")
         return bool(separator) and scheme in ("http", "https") and place.lower() == host.lower()
+
+
+@functools.cache  # it is meant to be slow: who guesses tokens could otherwise try their cookies by the million
+def _cookie_of(token: str) -> str:
+    return hashlib.scrypt(token.encode(), salt=b"the operator's page", n=2**14, r=8, p=1, dklen=32).hex()
 
 
 def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:

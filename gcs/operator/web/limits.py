@@ -1,4 +1,7 @@
-"""What one client may do: so many messages, and a confirmation only after the button was held. Pure."""
+"""What one client may do: so many messages, so many wrong tokens, and a confirmation only after the button was held.
+
+Pure.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,9 @@ from typing import Final
 HELD_S: Final = (0.9, 5.0)  # the page confirms after 1 s; what was pressed longer ago was not meant for this
 _PER_S: Final = 100.0
 _AT_ONCE: Final = 300.0
+_GUESSES: Final = 10.0  # wrong tokens at once
+_GUESS_S: Final = 6.0  # and then one in so long
+_MOST_ADDRESSES: Final = 1000
 
 
 class Flood:
@@ -20,6 +26,29 @@ class Flood:
         self._left = min(_AT_ONCE, self._left + (now_s - self._t_s) * _PER_S) - 1.0
         self._t_s = now_s
         return self._left < 0
+
+
+class Guesses:
+    """Wrong tokens of each address; the same one again, as of a page that was left open, is no new guess."""
+
+    def __init__(self) -> None:
+        self._wrong: dict[str, tuple[float, float, str | None]] = {}  # how many, when, and the last
+
+    def note(self, address: str, token: str, now_s: float) -> None:
+        """This one was wrong."""
+        count = self._count(address, now_s)
+        _, _, last = self._wrong.pop(address, (0.0, now_s, None))
+        self._wrong[address] = count + (token != last), now_s, token
+        while len(self._wrong) > _MOST_ADDRESSES:
+            del self._wrong[next(iter(self._wrong))]
+
+    def wait_s(self, address: str, now_s: float) -> float:
+        """How long this address has to wait until a token of it is looked at again."""
+        return max(0.0, (self._count(address, now_s) + 1 - _GUESSES) * _GUESS_S)
+
+    def _count(self, address: str, now_s: float) -> float:
+        count, then_s, _ = self._wrong.get(address, (0.0, now_s, None))
+        return max(0.0, count - (now_s - then_s) / _GUESS_S)
 
 
 class HoldToConfirm:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _BOUNDARY: Final = "picture"
 _STUCK_S: Final = 10.0
+_LOOK_S: Final = 1.0
 
 
 class MjpegStream:
@@ -52,10 +53,13 @@ class MjpegStream:
         response = web.StreamResponse(headers={"Content-Type": f"multipart/x-mixed-replace; boundary={_BOUNDARY}"})
         await response.prepare(request)
         with contextlib.suppress(ConnectionError, TimeoutError):
-            while self._open:
-                await self._work.wait()
+            while self._open and request.transport is not None:
+                with contextlib.suppress(TimeoutError):  # it may leave while no picture comes
+                    async with asyncio.timeout(_LOOK_S):
+                        await self._work.wait()
                 self._work.clear()
                 if (picture := self._picture) is not None:
+                    self._picture = None
                     async with asyncio.timeout(_STUCK_S):
                         await response.write(_part(picture))
         if request.transport is not None:

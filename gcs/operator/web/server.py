@@ -6,9 +6,7 @@ It is there from the program's first second and says what is waited for, until a
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import logging
-import socket
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final
 
@@ -19,7 +17,9 @@ from gcs.errors import PageError, one_line
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
 from gcs.operator.web import access, extras
+from gcs.operator.web.addresses import bound_socket, reachable
 from gcs.operator.web.audience import Audience
+from gcs.operator.web.connections import Connection, Connections
 from gcs.operator.web.guard import Guard
 from gcs.operator.web.mjpeg import MjpegStream
 from gcs.operator.web.protocol import Asked, Ping
@@ -33,7 +33,6 @@ if TYPE_CHECKING:  # these bring OpenCV: only once there is a station
 
 _HEARTBEAT_S: Final = 10.0  # of a WebSocket; half of it later who does not answer has gone
 _BODY_BYTES: Final = 64 * 1024
-_RECEIVE_BYTES, _SEND_BYTES = 32 * 1024, 256 * 1024
 _CLOSE_S: Final = 1.0
 _REMIND_S: Final = 1.0
 log = logging.getLogger(__name__)
@@ -65,9 +64,8 @@ class Page:
         self._ending: list[asyncio.Task[None]] = []
         self._names = 0
         self._port = config.port
-        self._runner = web.AppRunner(
-            self._app(tuple(routes)), access_log=None, shutdown_timeout=_CLOSE_S, handle_signals=False
-        )
+        self._connections = Connections()
+        self._runner = web.AppRunner(self._app(tuple(routes)), shutdown_timeout=_CLOSE_S, handle_signals=False)
 
     # -- life ----------------------------------------------------------------------------------------------
 
@@ -75,8 +73,9 @@ class Page:
         """Raises PageError where the address is taken or not ours."""
         await self._runner.setup()
         try:
-            listening = _listen(self._config.host, self._config.port)
-            await web.SockSite(self._runner, listening).start()
+            listening = bound_socket(self._config.host, self._config.port)
+            assert self._runner.server is not None
+            await self._connections.listen(self._runner.server, listening)
         except OSError as error:
             await self._runner.cleanup()
             where = f"{self._config.host}:{self._config.port}"
@@ -99,7 +98,7 @@ class Page:
     @property
     def url(self) -> str:
         """For people to click; as secret as the token in it."""
-        host = _reachable(self._config.host)
+        host = reachable(self._config.host)
         return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/?token={self.guard.token}"
 
     def starting(self, text: str) -> None:
@@ -137,6 +136,7 @@ class Page:
             self._reminding.cancel()
         await self._audience.close(WSCloseCode.GOING_AWAY, "the station has ended")
         await asyncio.gather(*self._ending)
+        self._connections.close()
         await self._runner.cleanup()
 
     def _told(self, viewer: Viewer | None, name: str, text: str) -> None:
@@ -148,7 +148,9 @@ class Page:
     # -- routes --------------------------------------------------------------------------------------------
 
     def _app(self, routes: tuple[web.AbstractRouteDef, ...]) -> web.Application:
-        app = web.Application(middlewares=[access.middleware(self.guard)], client_max_size=_BODY_BYTES)
+        app = web.Application(
+            middlewares=[access.middleware(self.guard, self._clock, self._connections)], client_max_size=_BODY_BYTES
+        )
         app.on_response_prepare.append(access.add_headers)
         app.add_routes(
             [
@@ -180,15 +182,18 @@ class Page:
 
     async def _ws(self, request: web.Request) -> web.StreamResponse:
         ws = web.WebSocketResponse(
-            max_msg_size=_BODY_BYTES, compress=False, heartbeat=_HEARTBEAT_S, timeout=_CLOSE_S, writer_limit=_BODY_BYTES
-        )
+            max_msg_size=_BODY_BYTES, compress=False, heartbeat=_HEARTBEAT_S, timeout=_CLOSE_S,
+            writer_limit=_BODY_BYTES, autoping=False,
+        )  # fmt: skip
         await ws.prepare(request)
         self._names += 1
-        viewer = Viewer(f"page {self._names}", ws, self._clock)
+        assert request.transport is not None
+        viewer = Viewer(f"page {self._names}", ws, self._clock, request.transport.pause_reading)
         if self._audience.is_full:
             await viewer.close(WSCloseCode.TRY_AGAIN_LATER, f"{len(self._audience)} are looking already")
             return ws
         self._audience.enter(viewer)
+        _looks(request)
         try:
             self._greet(viewer)
             await viewer.run(self._handle)
@@ -230,6 +235,7 @@ class Page:
             raise web.HTTPServiceUnavailable(text=f"{len(self._audience)} are looking already")
         stream = MjpegStream()
         self._audience.enter(stream)
+        _looks(request)
         try:
             if self._stage is not None:
                 self._stage.feed.catch_up()
@@ -253,8 +259,7 @@ class Page:
         return web.json_response({"ok": ok, "text": text}, status=200 if ok else 409)
 
     async def _webrtc(self, request: web.Request) -> web.StreamResponse:
-        stage = self._present()
-        return await extras.answer_webrtc(stage.station, await request.text())
+        return await extras.answer_webrtc(self._present().station, await extras.offer_of(request))
 
     def _present(self) -> Stage:
         if self._stage is None:
@@ -262,37 +267,7 @@ class Page:
         return self._stage
 
 
-def _listen(host: str, port: int) -> socket.socket:
-    """Small buffers: no client can make us parse much at once, and what a slow one sees is not long past."""
-    family, kind, protocol, _, address = socket.getaddrinfo(
-        host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-    )[0]
-    listening = socket.socket(family, kind, protocol)
-    try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BYTES)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
-        listening.bind(address)
-        listening.listen(64)
-        listening.setblocking(False)
-    except OSError:
-        listening.close()
-        raise
-    return listening
-
-
-def _reachable(host: str) -> str:
-    """An address of ours that others can use, where we listen on all of them."""
-    try:
-        address = ipaddress.ip_address(host)
-    except ValueError:
-        return host
-    if not address.is_unspecified:
-        return host
-    family, far = (socket.AF_INET, "192.0.2.1") if address.version == 4 else (socket.AF_INET6, "2001:db8::1")
-    with socket.socket(family, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect((far, 9))  # sends nothing: it asks which way would be taken
-            return str(probe.getsockname()[0])
-        except OSError:
-            return "127.0.0.1" if address.version == 4 else "::1"
+def _looks(request: web.Request) -> None:
+    """It takes one of the viewers' places."""
+    if isinstance(request.protocol, Connection):
+        request.protocol.is_looking = True

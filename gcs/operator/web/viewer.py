@@ -33,11 +33,13 @@ class Viewer:
 
     wants_candidates = False
 
-    def __init__(self, name: str, ws: web.WebSocketResponse, clock: Clock) -> None:
+    def __init__(self, name: str, ws: web.WebSocketResponse, clock: Clock, deafen: Callable[[], None]) -> None:
+        """deafen: ends that anything is read of it."""
         self.name = name
         self.hold = HoldToConfirm()
         self.pending = 0  # orders under way
-        self._ws, self._clock = ws, clock
+        self._ws, self._clock, self._deafen = ws, clock, deafen
+        self.heard_s = clock.now_s()
         self._flood = Flood(clock.now_s())
         self._texts: dict[str, bytes] = {}
         self._lines: deque[bytes] = deque(maxlen=_LINES)
@@ -122,6 +124,7 @@ class Viewer:
 
     async def _throw_out(self, code: int, reason: str) -> None:
         """Told why, but not waited for: whatever else it has sent by now is not even read."""
+        self._deafen()
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(_CLOSE_S):
                 await self._ws.send_frame(_CODE.pack(code) + _reason(reason), WSMsgType.CLOSE)
@@ -133,18 +136,26 @@ class Viewer:
     async def _receive(self, handle: Handle) -> tuple[int, str] | None:
         """Its messages until it leaves; why it has to, where it does not by itself."""
         async for message in self._ws:
-            if self._flood.is_over(self._clock.now_s()):
+            now_s = self._clock.now_s()
+            if self._flood.is_over(now_s):
                 return WSCloseCode.POLICY_VIOLATION, "too many messages"
+            if message.type is WSMsgType.PING:
+                await self._ws.pong(message.data)
+                continue
+            if message.type is WSMsgType.PONG:
+                continue
             if message.type is not WSMsgType.TEXT:
                 return WSCloseCode.UNSUPPORTED_DATA, "only texts are understood"
             if len(message.data) > MOST_BYTES:
                 return WSCloseCode.MESSAGE_TOO_BIG, f"more than {MOST_BYTES} bytes"
+            self.heard_s = now_s
             try:
                 asked = decode(message.data)
             except ProtocolError as error:
                 return WSCloseCode.POLICY_VIOLATION, f"not understood: {error}"
             if not self._own(asked):
                 await handle(self, asked)
+                await asyncio.sleep(0)  # many messages that came at once take turns with all else
         return None
 
     def _own(self, asked: Asked) -> bool:
