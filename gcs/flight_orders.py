@@ -125,7 +125,8 @@ class Orders:
         try:
             async with asyncio.timeout(_SELECT_S):
                 while (seen := await flight.next_seen()).selection != number:
-                    pass
+                    if flight.vision.selections != number:
+                        return "another selection came right after it"
         except TimeoutError:
             raise SelectionError(f"no picture came within {_SELECT_S:g} s to select in") from None
         if seen.problem is not None:

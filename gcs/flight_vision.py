@@ -223,6 +223,11 @@ class Vision:
         return Seen(frame, number, None, self._clock.now_s(), problem=problem)
 
     @property
+    def selections(self) -> int:
+        """How many there were: the number of the newest."""
+        return self._selections
+
+    @property
     def trouble(self) -> str:
         """What is wrong with a live video now, in one line for the operator; empty when nothing is."""
         return self._source.trouble if isinstance(self._source, LiveSource) else ""

@@ -79,6 +79,12 @@ async def _look_and_select(world: World, station: FlightStation, stage: Stage) -
     assert station.status().state is State.IDLE
     assert station.status().selection == 0
     assert watching.seen
+    begun_s = asyncio.get_running_loop().time()
+    boxes = (_true_box(world, stage), _true_box(world, stage))
+    first, second = await asyncio.gather(*(station.perform(Select(box)) for box in boxes))  # as nudging does
+    assert (first, second.split()[0]) == ("another selection came right after it", "selected")
+    assert asyncio.get_running_loop().time() < begun_s + 1.0
+    await station.perform(Deselect())
     end()
     count = len(watching.seen)
     await asyncio.sleep(0.5)
