@@ -94,4 +94,5 @@ async def _run(options: RunOptions, screen: Screen) -> int:
         await app.run_shown(options, screen, displays, clock)
     finally:
         await displays.close()
+        screen.end()  # an error stands on a line of its own
     return 0

@@ -61,7 +61,8 @@ def vehicle(question: Question, say: Say) -> Iterator[Result]:
         )
         return
     except VehicleError as error:
-        yield fail("vehicle", str(error), "is it on, and does it send here? compare address, port and baud rate")
+        on = "is the simulator running (`gcs sim`)" if wanted.simulated else "is it on"
+        yield fail("vehicle", str(error), f"{on}, and does it send here? compare address, port and baud rate")
         return
     except GcsError as error:  # the key
         yield fail(
