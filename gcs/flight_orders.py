@@ -133,7 +133,7 @@ class Orders:
             flight.control.select(0)
             raise SelectionError(seen.problem)
         x, y, w, h = box.xywh
-        return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; to follow: F held on the page, f Enter in the terminal"
+        return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; confirm to follow"
 
     async def _box_of(self, order: SelectPoint | SelectCandidate) -> Select:
         """What was pointed at, as a box drawn by hand."""
