@@ -43,7 +43,7 @@ async def run_camera(
             bitrate_kbps=flight.config.video_out.bitrate_kbps,
             definition_url=definition_url,
         )
-        server = await CameraServer.open(config.url, setup, station, lease, flight.clock, lambda: place_of(flight))
+        server = await CameraServer.open(config.url, setup, station, lease, flight.clock, lambda: place_of(flight), say)
     except GcsError as error:
         say(f"no MAVLink camera: {error}")
         return
@@ -56,7 +56,9 @@ def camera_setup(config: Config, system_id: int = 1, heard: Collection[int] = ()
     """What the camera definition is made of, and the camera: both must agree."""
     follow = config.control.follow
     setup = setup_of(config.mavlink_camera, system_id, heard)
-    return replace(setup, standoff_m=(follow.min_distance_m, follow.max_distance_m))
+    return replace(
+        setup, standoff_m=(follow.min_distance_m, follow.max_distance_m), abandoned_s=config.page.abandoned_s
+    )
 
 
 async def _cameras_heard(flight: Flight, system_id: int) -> set[int]:

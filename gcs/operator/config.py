@@ -18,7 +18,8 @@ class PageConfig:
 
     port: 0 takes a free one. token: what a browser must show once; null makes a new one at each start. Given here,
     it is as secret as this file. names: under which the page may be asked for beside localhost and its addresses, as
-    [gcs.local].
+    [gcs.local]. abandoned_s: a follow that was confirmed here is aborted when nothing has been heard from any page for
+    so long, one that was confirmed by the MAVLink camera when nothing has been from its clients; null: never.
     """
 
     enabled: bool = True
@@ -26,6 +27,7 @@ class PageConfig:
     port: int = _port(8870)
     token: str | None = None
     names: tuple[str, ...] = ()
+    abandoned_s: float | None = field(default=10.0, metadata={"low": 2.0, "high": 120.0})
     most_viewers: int = field(default=16, metadata={"low": 1, "high": 100})
     jpeg_quality: int = field(default=75, metadata={"low": 20, "high": 95})
     most_width_px: int = field(default=1280, metadata={"low": 160, "high": 4096})

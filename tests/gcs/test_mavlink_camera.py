@@ -16,7 +16,7 @@ from gcs.errors import WireError
 from gcs.framing import Deframer, Encoder, dialect
 from gcs.operator.camera import messages
 from gcs.operator.camera.clients import MOST_CLIENTS
-from gcs.operator.camera.component import CameraComponent, Out
+from gcs.operator.camera.component import CameraComponent, Out, Say
 from gcs.operator.camera.definition import definition
 from gcs.operator.camera.intake import MOST_OF_ONE, Intake
 from gcs.operator.camera.messages import Result
@@ -68,7 +68,7 @@ class Rig:
         return said
 
     def settles(self, ask, why="", result=Result.TEMPORARILY_REJECTED):
-        return self.component.settled(ask, Problem(result, why) if why else None)
+        return self.component.settled(ask, Problem(result, why) if why else None, self.now_s)
 
 
 @pytest.fixture
@@ -440,7 +440,7 @@ def test_any_message_with_any_numbers_is_answered_or_ignored_and_never_breaks_it
         rig.now_s += dice.choice((0.0, 0.01, 0.3))
         said = rig.hears(made, dice.choice((PEER, OTHER))) + rig.component.tick(rig.now_s)
         for ask in [each for each in said if isinstance(each, Ask)]:
-            said += rig.component.settled(ask, dice.choice((None, Problem(Result.DENIED, "no"))))
+            said += rig.component.settled(ask, dice.choice((None, Problem(Result.DENIED, "no"))), rig.now_s)
             assert not isinstance(ask.order, Confirm) or made.get_type() == "PARAM_EXT_SET"
         for each in said:
             assert isinstance(each, Ask) or encoder.encode(each.message), f"seed {seed}"
@@ -458,3 +458,37 @@ def test_any_bytes_are_survived(rig):
         for message in intake.messages(bytes(data), PEER, step / 50):
             rig.component.received(message, PEER, rig.now_s)
     assert results(rig.command(521, 1)) == [0], f"seed {seed}"
+
+
+# -- nobody left ------------------------------------------------------------------------------------------
+
+
+def test_a_follow_whose_clients_have_gone_is_aborted():
+    rig = Rig(replace(SETUP, abandoned_s=8.0))
+    rig.settles(ask_in(rig.sets("FOLLOW", b"\1")))
+    rig.station.base = replace(rig.station.base, state=State.FOLLOWING)
+    rig.passes(3.0)
+    rig.hears(messages.heartbeat())
+    said = [(t - rig.now_s, each) for t, each in rig.passes(9.5) if isinstance(each, Say | Ask)]
+    texts = [each.text for _, each in said if isinstance(each, Say)]
+    assert texts == [
+        "MAVLink camera: no client is heard: the follow ends in 4 s",
+        "MAVLink camera: no client is heard any more: stopped and holding",
+    ]
+    assert next(each.order for _, each in said if isinstance(each, Ask)) == Abort()
+
+
+@pytest.mark.parametrize("why", ["heard", "not followed", "from elsewhere", "elsewhere now", "never"])
+def test_any_other_follow_goes_on(why):
+    rig = Rig(replace(SETUP, abandoned_s=None if why == "never" else 8.0))
+    rig.hears(messages.heartbeat())
+    if why != "from elsewhere":
+        rig.settles(ask_in(rig.sets("FOLLOW", b"\1")))
+    if why != "not followed":
+        rig.station.base = replace(rig.station.base, state=State.FOLLOWING)
+    for _ in range(20):
+        if why == "heard":
+            rig.hears(messages.heartbeat(), OTHER, (254, 1))
+        if why == "elsewhere now":
+            rig.lease.take("terminal", rig.now_s, by_force=True)
+        assert not [each for _, each in rig.passes(1.0, 0.1) if not isinstance(each, Out)]

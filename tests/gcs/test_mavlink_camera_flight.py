@@ -52,7 +52,7 @@ class Client:
                 await self.station.perform(ask.order)
             except ValueError as error:
                 problem = Problem(Result.DENIED, str(error))
-            found += self.component.settled(ask, problem)
+            found += self.component.settled(ask, problem, self.world.flight.clock.now_s())
         return [each.message for each in found if not isinstance(each, Ask)]
 
     async def command(self, number, *params):

@@ -56,6 +56,15 @@ class Clients:
         self._known[client] = _Known(now_s)
         return True
 
+    @property
+    def heard_s(self) -> float:
+        """When any of them was heard last."""
+        return max((known.heard_s for known in self._known.values()), default=-math.inf)
+
+    def names(self) -> set[str]:
+        """As which they may be in control."""
+        return {client.name for client in self._known}
+
     def forget_silent(self, now_s: float) -> None:
         """Those who have left."""
         self._known = {client: known for client, known in self._known.items() if now_s - known.heard_s <= SILENT_S}

@@ -8,6 +8,7 @@ from typing import Final
 
 from control.engagement import State
 from gcs.framing import Message
+from gcs.operator.attendance import Absence, Attendance
 from gcs.operator.camera import commands, messages
 from gcs.operator.camera.clients import Client, Clients
 from gcs.operator.camera.commands import Command, InvalidCommandError
@@ -18,6 +19,7 @@ from gcs.operator.camera.parameters import Parameters
 from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.camera.view import TrackingView
 from gcs.operator.lease import Lease
+from gcs.operator.orders import Abort
 from gcs.operator.station import Station
 from gcs.transport import Peer
 
@@ -40,6 +42,13 @@ _REQUESTS: Final = {
     commands.REQUEST_VIDEO_STREAM_STATUS: (messages.STREAM_STATUS, 0),
 }
 _TOLD: Final = frozenset({State.LOST_HOLD, State.RELEASED, State.TAKEN_OVER})  # following has ended, or stands still
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """A line for the people at the ground station."""
+
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +77,17 @@ class CameraComponent:
         self._clients = Clients()
         self._orders = Orders(setup, station, lease)
         self._parameters = Parameters(setup, station)
+        self._lease = lease
+        self._attendance = Attendance(setup.abandoned_s)
+        self._absence = Absence.NONE
         self._text_number = 0
         self._heartbeat_s = now_s
         self._out: list[Out] = []
-        self._asks: list[Ask] = []
+        self._asks: list[Ask | Say] = []
 
     # -- in -----------------------------------------------------------------------------------------------
 
-    def received(self, message: Message, peer: Peer | None, now_s: float) -> list[Out | Ask]:
+    def received(self, message: Message, peer: Peer | None, now_s: float) -> list[Out | Ask | Say]:
         """A valid message from this address."""
         setup, kind = self.setup, message.get_type()
         client = Client(peer, message.get_srcSystem(), message.get_srcComponent())
@@ -95,7 +107,7 @@ class CameraComponent:
             self._parameter(message, kind, client, now_s)
         return self._take()
 
-    def tick(self, now_s: float) -> list[Out | Ask]:
+    def tick(self, now_s: float) -> list[Out | Ask | Say]:
         """What is due by now."""
         if now_s >= self._heartbeat_s:
             self._heartbeat_s = max(self._heartbeat_s + _HEARTBEAT_S, now_s + _HEARTBEAT_S / 2)
@@ -107,6 +119,7 @@ class CameraComponent:
                 if status.state is not self._state and status.state in _TOLD:
                     self._say(status.headline, peer)
             self._state = status.state
+            self._attend(status.is_engaged, now_s)
             self._tell_changes()
         for peer, message_id in self._clients.due(now_s):
             made = self._facts.message(message_id, now_s)
@@ -120,13 +133,27 @@ class CameraComponent:
         """When `tick` has something to do next."""
         return min(self._heartbeat_s, self._clients.due_s, self._orders.due_s)
 
-    def settled(self, ask: Ask, problem: Problem | None) -> list[Out | Ask]:
+    def settled(self, ask: Ask, problem: Problem | None, now_s: float) -> list[Out | Ask | Say]:
         """The station has performed it; or what kept it from that."""
         if problem is None:
             self._parameters.performed(ask.order)
+            self._attendance.took(now_s)
         self._answer_all(self._orders.settled(ask, problem))
         self._tell_changes()
         return self._take()
+
+    def _attend(self, engaged: bool, now_s: float) -> None:
+        """A follow that a client began ends when none of them is there any more."""
+        before, holder = self._absence, self._lease.holder(now_s)
+        elsewhere = holder not in ("", *self._clients.names())
+        self._absence = self._attendance.look(now_s, self._clients.heard_s, engaged=engaged, elsewhere=elsewhere)
+        if self._absence is Absence.LONG and before is Absence.NONE:
+            left_s = self._attendance.left_s(now_s)
+            self._asks.append(Say(f"MAVLink camera: no client is heard: the follow ends in {left_s:.0f} s"))
+        elif self._absence is Absence.TOO_LONG:
+            self._asks.append(Ask(Abort(), Client(None, 0, 0), 0))
+            if before is not Absence.TOO_LONG:
+                self._asks.append(Say("MAVLink camera: no client is heard any more: stopped and holding"))
 
     # -- commands -----------------------------------------------------------------------------------------
 
@@ -240,7 +267,7 @@ class CameraComponent:
     def _send_all(self, several: Iterable[Message], peer: Peer | None) -> None:
         self._out += [Out(message, peer) for message in several]
 
-    def _take(self) -> list[Out | Ask]:
-        taken: list[Out | Ask] = [*self._out, *self._asks]
+    def _take(self) -> list[Out | Ask | Say]:
+        taken: list[Out | Ask | Say] = [*self._out, *self._asks]
         self._out, self._asks = [], []
         return taken

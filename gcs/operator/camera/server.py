@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from types import TracebackType
 from typing import Final
@@ -13,7 +13,7 @@ from typing import Final
 from gcs.clock import Clock
 from gcs.errors import GcsError, SelectionError, WireError, one_line
 from gcs.framing import CodecError, Encoder, Message
-from gcs.operator.camera.component import CameraComponent, Out
+from gcs.operator.camera.component import CameraComponent, Out, Say
 from gcs.operator.camera.definition import Definition, definition
 from gcs.operator.camera.facts import Where
 from gcs.operator.camera.intake import Intake
@@ -48,10 +48,13 @@ def definition_of(setup: CameraSetup) -> Definition:
 class CameraServer:
     """Made by `open`; speaks while `run` runs, until `close`."""
 
-    def __init__(self, component: CameraComponent, station: Station, clock: Clock) -> None:
+    def __init__(
+        self, component: CameraComponent, station: Station, clock: Clock, say: Callable[[str], None] = log.warning
+    ) -> None:
         self._component = component
         self._station = station
         self._clock = clock
+        self._say = say
         self._intake = Intake()
         self._encoders: dict[Peer | None, Encoder] = {}  # each client counts what it misses
         self._transport: Transport | None = None
@@ -62,18 +65,26 @@ class CameraServer:
 
     @classmethod
     async def open(
-        cls, url: str, setup: CameraSetup, station: Station, lease: Lease, clock: Clock, where: Where | None = None
+        cls,
+        url: str,
+        setup: CameraSetup,
+        station: Station,
+        lease: Lease,
+        clock: Clock,
+        where: Where | None = None,
+        say: Callable[[str], None] = log.warning,
     ) -> CameraServer:
         """Open the endpoint (udpout or udpin). WireError in one line if the address is wrong or taken.
 
-        setup: its definition's version is filled in here. where: the target's place, where it can be told.
+        setup: its definition's version is filled in here. where: the target's place, where it can be told. say: a line
+        for the people at the ground station.
         """
         setup = replace(setup, definition_version=definition_of(setup).version if setup.definition_url else 0)
         try:
             endpoint = parse_url(url)
             if not endpoint.is_datagram:
                 raise WireError(f"vehicle address {url!r}: needs udpout://HOST:PORT or udpin://HOST:PORT")
-            server = cls(CameraComponent(setup, station, lease, clock.now_s(), where), station, clock)
+            server = cls(CameraComponent(setup, station, lease, clock.now_s(), where), station, clock, say)
             server._one_peer = endpoint.kind is Kind.UDP_OUT
             try:
                 server._transport = await open_transport(endpoint, server._received)
@@ -111,12 +122,14 @@ class CameraServer:
                 async with asyncio.timeout(max(self._component.due_s - self._clock.now_s(), 0.0)):
                     await self._wake.wait()
 
-    def _act(self, found: Iterable[Out | Ask]) -> None:
+    def _act(self, found: Iterable[Out | Ask | Say]) -> None:
         for each in found:
             if isinstance(each, Ask):
                 task = asyncio.get_running_loop().create_task(self._perform(each))
                 self._tasks.add(task)
                 task.add_done_callback(self._tasks.discard)
+            elif isinstance(each, Say):
+                self._say(each.text)
             else:
                 self._send(each.message, each.peer)
 
@@ -131,7 +144,7 @@ class CameraServer:
         except Exception:  # the edge of this task: whoever ordered must hear that it failed
             log.exception("MAVLink camera: %s", type(ask.order).__name__)
             problem = Problem(Result.FAILED, "a fault of the ground station: see its log")
-        self._act(self._component.settled(ask, problem))
+        self._act(self._component.settled(ask, problem, self._clock.now_s()))
 
     def _send(self, message: Message, peer: Peer | None) -> None:
         if self._transport is None:

@@ -20,7 +20,8 @@ class CameraSetup:
     system_id: the vehicle's. display_delay_s: how old the picture is that its user clicks on. may_follow: following
     may be begun and ended by the parameter FOLLOW. stream_url: where the video can be had, rtsp://HOST:PORT/PATH or
     rtp://HOST:PORT (sent there); None: nowhere. rendered: the box is drawn into that video. definition_url: of the
-    camera definition, definition_version: of its content. standoff_m: what may be asked for.
+    camera definition, definition_version: of its content. standoff_m: what may be asked for. abandoned_s: unheard for
+    so long, the clients have left a follow that one of them began; None: never.
     """
 
     system_id: int
@@ -34,6 +35,7 @@ class CameraSetup:
     definition_version: int = 0
     standoff_m: tuple[float, float] = DEFAULT_STANDOFF_M
     gimbal_device_id: int = 0
+    abandoned_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Final
 from gcs.clock import Clock
 from gcs.errors import GcsError
 from gcs.operator import orders
+from gcs.operator.attendance import Attendance
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
 from gcs.operator.web import protocol as ask
@@ -25,9 +26,17 @@ Told = Callable[[Viewer | None, str, str], None]  # who (None: by no WebSocket),
 class Desk:
     """For as long as a station is attached. told: of each order that was carried out; changed: of the lease."""
 
-    def __init__(self, station: Station, lease: Lease, clock: Clock, told: Told, changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        station: Station,
+        lease: Lease,
+        clock: Clock,
+        told: Told,
+        changed: Callable[[], None],
+        attendance: Attendance,
+    ) -> None:
         self._station, self._lease, self._clock = station, lease, clock
-        self._told, self._changed = told, changed
+        self._told, self._changed, self._attendance = told, changed, attendance
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def handle(self, viewer: Viewer, asked: ask.Asked) -> None:
@@ -82,6 +91,7 @@ class Desk:
             viewer.answer(asked, False, f"{before} is in control")
             return False
         if before != viewer.name:
+            self._attendance.took(now_s)
             self._told(viewer, viewer.name, f"in control{f' instead of {before}' if before else ''}")
             self._changed()
         return True
@@ -121,6 +131,8 @@ class Desk:
         viewer.answer(asked, ok, text, self._station.refusals() if refused else ())
         if ok:
             self._told(viewer, viewer.name, text)
+            if isinstance(order, orders.Confirm):
+                self._attendance.took(self._clock.now_s())
         self._changed()
 
     async def _performed(self, name: str, order: orders.Order) -> tuple[str, bool]:

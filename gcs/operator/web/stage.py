@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import importlib.metadata
+import logging
+import math
 from collections.abc import Callable
 from typing import Final
 
 from gcs.clock import Clock
+from gcs.operator.attendance import LOOK_S, Absence, Attendance
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
@@ -19,6 +22,7 @@ from gcs.operator.web.pictures import Picture, Pictures
 from gcs.operator.web.viewer import Viewer
 
 _SNAPSHOT_S: Final = 2.0
+log = logging.getLogger(__name__)
 
 
 class Stage:
@@ -42,17 +46,53 @@ class Stage:
         self._open = True
         self._pictures = Pictures(config.jpeg_quality, config.most_width_px, self._show)
         self.feed = Feed(station, audience, self._pictures, lease, clock)
-        self.desk = Desk(station, lease, clock, told, self.feed.tell_status)
+        self._lease, self._clock, self._told = lease, clock, told
+        self._attendance = Attendance(config.abandoned_s)
+        self.desk = Desk(station, lease, clock, told, self.feed.tell_status, self._attendance)
         self._unwatch = station.watch(self.feed)
-        self._running = asyncio.get_running_loop().create_task(self.feed.run())
+        loop = asyncio.get_running_loop()
+        self._running = loop.create_task(self.feed.run()), loop.create_task(self._attend())
 
     def close(self) -> None:
         """Nothing of it goes on."""
         self._open = False
         self._unwatch()
-        self._running.cancel()
+        for task in self._running:
+            task.cancel()
         self.desk.close()
         self._pictures.close()
+
+    async def _attend(self) -> None:
+        """Abort what was confirmed here when nobody is here any more."""
+        before = Absence.NONE
+        while True:
+            try:
+                before = await self._attend_once(before)
+            except Exception:  # the edge of this task: it has to look again all the same
+                log.exception("whether anybody is at the page")
+            await asyncio.sleep(LOOK_S)
+
+    async def _attend_once(self, before: Absence) -> Absence:
+        absence = self._absence()
+        if absence is Absence.LONG and before is Absence.NONE:
+            left_s = self._attendance.left_s(self._clock.now_s())
+            self._told(None, "page", f"nobody is at the page: the follow ends in {left_s:.0f} s")
+        elif absence is Absence.TOO_LONG:
+            ok, text = await self.desk.abort("page")
+            if before is not Absence.TOO_LONG:
+                outcome = "stopped and holding" if ok else text
+                self._told(None, "page", f"nobody is at the page any more: {outcome}")
+        return absence
+
+    def _absence(self) -> Absence:
+        now_s, viewers = self._clock.now_s(), [each for each in self._audience if isinstance(each, Viewer)]
+        holder = self._lease.holder(now_s)
+        return self._attendance.look(
+            now_s,
+            max((viewer.heard_s for viewer in viewers), default=-math.inf),
+            engaged=self.station.status().is_engaged,
+            elsewhere=holder not in ("", *(viewer.name for viewer in viewers)),
+        )
 
     async def picture(self) -> Picture | None:
         """The newest; None where none has come yet."""
