@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from gcs.config import TrackerConfig
 from gcs.video.frame import Image
 from tracker.box import Box, TrackResult
@@ -32,4 +34,10 @@ def make_tracker(config: TrackerConfig) -> BoxTracker:
     from tracker.weights import load_tracker
 
     latent = None if config.latent is None else LatentProvider(config.latent.value)
-    return load_tracker(config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads)
+    tracker = load_tracker(
+        config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads
+    )
+    something = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
+    tracker.init(something, Box(320.0, 240.0, 48.0, 48.0))  # else the first selection is what waits for PyTorch
+    tracker.update(something)
+    return tracker

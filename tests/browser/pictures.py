@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from playwright.async_api import async_playwright
 from rich.console import Console
+from rich.terminal_theme import MONOKAI
 from rich.text import Text
 
 from tests.browser.conftest import ARGS, LAPTOP, chromium, drag, reads
@@ -163,8 +164,8 @@ async def terminal(browser: Any, shown: str, path: Path) -> None:
     console = Console(record=True, width=COLUMNS, file=open("/dev/null", "w"), legacy_windows=False)  # noqa: SIM115
     console.print(Text.from_ansi(shown.rstrip("\n")))
     page = await (await browser.new_context(viewport={"width": 800, "height": 480})).new_page()
-    await page.set_content(console.export_html(inline_styles=True))
-    await page.add_style_tag(content="html,body{background:#101418;color:#d8dee4;margin:0} pre{padding:12px;margin:0}")
+    await page.set_content(console.export_html(theme=MONOKAI, inline_styles=True))
+    await page.add_style_tag(content="html,body,pre{background:#0c0c0c;margin:0} pre{padding:12px}")
     size = await page.locator("pre").bounding_box()
     await page.set_viewport_size({"width": int(size["width"]) + 1, "height": int(size["height"]) + 1})
     await keep(page, path)
@@ -195,7 +196,7 @@ async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
     for _ in range(2):  # the first tap asks whether it is meant
         await phone.locator("#take").tap()
         await asyncio.sleep(0.4)
-    await asyncio.sleep(6.0)  # what it says of that has faded
+    await asyncio.sleep(9.5)  # what it says of that has faded
     await steady(phone, "FOLLOWING")
     await keep(phone, folder / "simulator-phone.jpg")
     await phone.context.close()
