@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test test-browser check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
+.PHONY: help setup demo test test-browser pictures check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
 	@echo "make test    run the tests"
 	@echo "make test-browser   the operator's page in a real Chromium"
+	@echo "make pictures   the pictures of docs/, of a flight in Chromium (also needs tmux)"
 	@echo "make check   ruff, mypy, import-linter, codespell"
 	@echo "make bench   measure speed and memory, side by side in one run"
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
@@ -46,6 +47,9 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+
+pictures: $(STAMP)
+	$(BIN)/python -m tests.browser.pictures docs
 
 bench: $(STAMP)
 	$(BIN)/gcs bench

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from playwright.async_api import async_playwright
 from rich.console import Console
-from rich.terminal_theme import MONOKAI
+from rich.terminal_theme import TerminalTheme
 from rich.text import Text
 
 from tests.browser.conftest import ARGS, LAPTOP, chromium, drag, reads
@@ -34,6 +34,10 @@ PHONE = {"width": 390, "height": 844}
 MOST_BYTES = 120_000
 COLUMNS, ROWS = 80, 24
 STARTED_S, STEADY_S = 60.0, 1.0
+THEME = TerminalTheme(
+    (12, 12, 12), (217, 217, 217),
+    [(12, 12, 12), (197, 15, 31), (16, 124, 16), (193, 156, 0), (0, 55, 218), (136, 23, 152), (58, 150, 221), (204, 204, 204)],
+)  # fmt: skip
 _URL = re.compile(r"http://\S+\?token=\S+")
 
 
@@ -164,7 +168,7 @@ async def terminal(browser: Any, shown: str, path: Path) -> None:
     console = Console(record=True, width=COLUMNS, file=open("/dev/null", "w"), legacy_windows=False)  # noqa: SIM115
     console.print(Text.from_ansi(shown.rstrip("\n")))
     page = await (await browser.new_context(viewport={"width": 800, "height": 480})).new_page()
-    await page.set_content(console.export_html(theme=MONOKAI, inline_styles=True))
+    await page.set_content(console.export_html(theme=THEME, inline_styles=True))
     await page.add_style_tag(content="html,body,pre{background:#0c0c0c;margin:0} pre{padding:12px}")
     size = await page.locator("pre").bounding_box()
     await page.set_viewport_size({"width": int(size["width"]) + 1, "height": int(size["height"]) + 1})
