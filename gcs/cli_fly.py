@@ -28,7 +28,7 @@ def _add_run(commands: Commands) -> None:
         examples=(
             "gcs run --video rtsp://192.168.1.10/main --config my.yaml",
             "gcs run --profile sim                  # with `gcs sim` in another terminal",
-            "gcs run --profile px4-sitl --video px4-sitl.sdp",
+            "gcs run --profile px4-sitl             # with `make px4_sitl gz_x500_mono_cam`",
             "gcs run --headless --config my.yaml    # on a machine without a browser",
         ),
     )  # fmt: skip

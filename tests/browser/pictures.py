@@ -185,6 +185,7 @@ async def flight(browser: Any, folder: Path) -> None:
 
 
 async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
+    """The flight itself."""
     url = await shows(terminals, "run", _URL)
     page = await opened(browser, url, LAPTOP)
     await take_off(page)
@@ -204,10 +205,11 @@ async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
     await asyncio.sleep(9.5)  # what it says of that has faded
     await steady(phone, "FOLLOWING")
     await keep(phone, folder / "simulator-phone.jpg")
-    await phone.context.close()
-    await page.keyboard.press("Space")
-    await steady(page, "RELEASED")
+    await page.keyboard.press("Space")  # by who only looks on
+    await reads(page, "state", "RELEASED")
+    await asyncio.sleep(0.3)
     await keep(page, folder / "simulator-aborted.jpg")
+    await phone.context.close()
     await page.context.close()
 
 
