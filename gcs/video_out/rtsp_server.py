@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import secrets
 import socket
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -13,6 +15,7 @@ from gcs.errors import WireError
 from gcs.video_out.rtsp import HostileError, Interleaved, RtspConnection, Udp
 
 _MOST_CLIENTS: Final = 8
+_AT_ONCE: Final = 8  # connections taken up in one turn of the loop
 _SET_UP_S: Final = 15.0  # a client that plays nothing by then is sent away
 _SWEEP_S: Final = 1.0
 _SYSTEM_BUFFER_BYTES: Final = 128 * 1024  # in the system: less than half a second at the usual bit rate
@@ -29,7 +32,7 @@ class RtspServer:
     ) -> None:
         self.describe, self.now_s = describe, now_s
         self._changed = changed
-        self._clients: set[_Client] = set()
+        self._clients: dict[_Client, None] = {}  # in the order in which they came
         self._listener: asyncio.Server | None = None
         self._udp: _UdpPair | None = None
         self._sweeper: asyncio.Task[None] | None = None
@@ -38,7 +41,7 @@ class RtspServer:
         """Listen; WireError where the port is taken or the host is none of this machine."""
         loop = asyncio.get_running_loop()
         try:
-            self._listener = await loop.create_server(lambda: _Client(self), host, port)
+            self._listener = await loop.create_server(lambda: _Client(self), host, port, backlog=_AT_ONCE)
         except OSError as error:
             raise WireError(f"RTSP at {host}:{port}: {(error.strerror or str(error)).lower()}") from None
         self._udp = await _UdpPair.open(host, self._heard)
@@ -89,15 +92,22 @@ class RtspServer:
     # -- of its clients -----------------------------------------------------------------------------------
 
     def joined(self, client: _Client) -> bool:
-        """False: there is no room for it."""
+        """False: there is no room for it. Who plays nothing makes room, and then a host that has far more than it."""
         if len(self._clients) >= _MOST_CLIENTS:
-            return False
-        self._clients.add(client)
+            counts = Counter(each.host for each in self._clients)
+            idle = (each for each in self._clients if not each.rtsp.playing)
+            crowd = (each for each in self._clients if counts[each.host] > counts[client.host] + 1)
+            leaves = next(itertools.chain(idle, crowd), None)
+            if leaves is None:
+                return False
+            del self._clients[leaves]
+            leaves.drop()
+        self._clients[client] = None
         return True
 
     def left(self, client: _Client) -> None:
         """Its connection has ended."""
-        self._clients.discard(client)
+        self._clients.pop(client, None)
         self._changed()
 
     def changed(self) -> None:
@@ -123,7 +133,7 @@ class _Client(asyncio.Protocol):
     def __init__(self, server: RtspServer) -> None:
         self._server = server
         self._transport: Any = None
-        self._host = ""
+        self.host = ""
         self._wants_key = True
         self._since_s = 0.0
         self._stuck_since_s: float | None = None
@@ -131,7 +141,7 @@ class _Client(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """asyncio: somebody has connected."""
         self._transport, self._since_s = transport, self._server.now_s()
-        self._host = str(transport.get_extra_info("peername")[0])
+        self.host = str(transport.get_extra_info("peername")[0])
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SYSTEM_BUFFER_BYTES)
         session = secrets.token_hex(8)
         self.rtsp = RtspConnection(session, self._server.describe, self._server.udp_ports, self._since_s)
@@ -175,7 +185,7 @@ class _Client(asyncio.Protocol):
     def udp_address(self) -> tuple[str, int] | None:
         """Where its RTCP comes from, where it takes UDP."""
         udp = self.rtsp.transport
-        return (self._host, udp.rtcp_port) if isinstance(udp, Udp) else None
+        return (self.host, udp.rtcp_port) if isinstance(udp, Udp) else None
 
     def send(self, packets: Sequence[bytes], is_key: bool, now_s: float, udp: _UdpPair | None) -> None:
         """One picture, if it can be understood and taken now."""
@@ -185,7 +195,7 @@ class _Client(asyncio.Protocol):
             case Interleaved(channel):
                 sent = self._send_interleaved(packets, channel, now_s)
             case Udp(rtp_port, _) if udp is not None:
-                sent = udp.send(packets, (self._host, rtp_port))
+                sent = udp.send(packets, (self.host, rtp_port))
             case _:
                 return
         self._wants_key = not sent

@@ -15,10 +15,10 @@ from control.modes import FollowMode
 from gcs.errors import WireError
 from gcs.framing import Deframer, Encoder, dialect
 from gcs.operator.camera import messages
-from gcs.operator.camera.clients import MOST_CLIENTS
+from gcs.operator.camera.clients import MOST_CLIENTS, MOST_OF_HOST
 from gcs.operator.camera.component import CameraComponent, Out, Say
 from gcs.operator.camera.definition import definition
-from gcs.operator.camera.intake import MOST_OF_ONE, Intake
+from gcs.operator.camera.intake import ALL_STRANGE, KNOWN, STRANGE, Intake
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
 from gcs.operator.camera.params import parameters
@@ -148,6 +148,10 @@ def test_a_flood_of_addresses_displaces_nobody_who_is_heard(rig):
     for number in range(3 * MOST_CLIENTS):
         rig.hears(messages.heartbeat(), ("10.0.0.1", number), (1 + number, 1))
     assert results(rig.command(521, 1)) == [0]
+    assert len({each.peer for _, each in rig.passes(1.0)}) == MOST_OF_HOST + 1
+    assert rig.hears(messages.heartbeat(), ("10.0.0.2", 1), (1, 1))  # nor does it keep anybody else out
+    for host in range(3, 30):
+        rig.hears(messages.heartbeat(), (f"10.0.0.{host}", 1), (1, 1))
     assert len({each.peer for _, each in rig.passes(1.0)}) == MOST_CLIENTS
 
 
@@ -219,7 +223,7 @@ def test_a_stop_in_between_makes_it_another_wish(rig):
 
 def test_control_is_taken_by_ordering_and_lost_by_silence(rig):
     rig.settles(ask_in(rig.command(2005, *BOX)))
-    assert rig.lease.holder(rig.now_s) == "camera 255/190"
+    assert rig.lease.holder(rig.now_s) == "camera 255/190 at 127.0.0.1:40001"
     assert results(rig.command(2010, source=(254, 1), peer=OTHER)) == [1]
     rig.now_s += LEASE_S + 0.1
     rig.hears(messages.heartbeat())  # being there is not ordering
@@ -232,7 +236,7 @@ def test_who_began_a_follow_keeps_control_while_it_lasts(rig):
     for _ in range(10):
         rig.now_s += 1.0
         rig.hears(messages.heartbeat())
-    assert rig.lease.holder(rig.now_s) == "camera 255/190"
+    assert rig.lease.holder(rig.now_s) == "camera 255/190 at 127.0.0.1:40001"
     rig.station.base = replace(rig.station.base, state=State.RELEASED)
     for _ in range(6):
         rig.now_s += 1.0
@@ -400,15 +404,36 @@ def test_long_texts_come_in_chunks_that_say_where_they_end(length):
 
 def test_a_flood_from_one_address_is_not_even_decoded_and_another_is_still_heard():
     intake, data = Intake(), Encoder(*GCS).encode(messages.heartbeat())
-    assert sum(len(intake.messages(data, PEER, 1.0)) for _ in range(1000)) == MOST_OF_ONE
-    assert len(intake.messages(data, OTHER, 1.0)) == 1
-    assert len(intake.messages(data, PEER, 2.5)) == 1
+
+    def read(host, now_s=1.0, times=1000, known=False):
+        return sum(len(intake.messages(data, (host, port), now_s, known=known)) for port in range(times))
+
+    assert read("10.0.0.1") == STRANGE.at_once
+    assert read("10.0.0.2") == STRANGE.at_once
+    assert read("10.0.0.1", 2.0) == STRANGE.at_once
+    assert read("10.0.0.1", 2.1) == pytest.approx(0.1 * STRANGE.per_s)
+    assert sum(read(f"10.0.1.{host}", 9.0, 20) for host in range(9)) == ALL_STRANGE.at_once
+    assert sum(len(intake.messages(data, PEER, 9.0, known=True)) for _ in range(1000)) == KNOWN.at_once
+    assert len(intake.messages(data, OTHER, 9.0, known=True)) == 1
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_no_single_datagram_costs_much(known):
+    frame = Encoder(*GCS).encode(messages.heartbeat())
+    for data, most in ((frame * 3000, 0), (frame * 90, 8), (b"\xfd" * 4000, 0), (frame + b"\xfd" * 400, 0), (b"", 0)):
+        assert len(Intake().messages(data, PEER, 1.0, known=known)) == most
+    assert len(Intake().messages(b"\xfd" + frame + b"?", PEER, 1.0, known=known)) == 1
+
+
+def test_two_of_the_same_ids_at_different_addresses_are_two(rig):
+    rig.settles(ask_in(rig.command(2005, *BOX)))
+    assert results(rig.command(2010, peer=OTHER)) == [1]
 
 
 def test_telemetry_that_a_router_sends_along_costs_nothing():
     intake, data = Intake(), Encoder(7, 1).encode(dialect.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0))
     for _ in range(10_000):
-        assert intake.messages(data, PEER, 1.0) == []
+        assert intake.messages(data, PEER, 1.0, known=True) == []
     assert intake.dropped == 0
 
 
@@ -455,7 +480,7 @@ def test_any_bytes_are_survived(rig):
         for _ in range(dice.randrange(3)):
             if data:
                 data[dice.randrange(len(data))] = dice.randrange(256)
-        for message in intake.messages(bytes(data), PEER, step / 50):
+        for message in intake.messages(bytes(data), PEER, step / 50, known=True):
             rig.component.received(message, PEER, rig.now_s)
     assert results(rig.command(521, 1)) == [0], f"seed {seed}"
 

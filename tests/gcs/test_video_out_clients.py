@@ -26,8 +26,10 @@ class Serving:
     def _changed(self) -> None:
         self.changes += 1
 
-    async def connect(self) -> Client:
-        return Client(*await asyncio.open_connection("127.0.0.1", self.server.port, limit=2**20))
+    async def connect(self, source: str = "127.0.0.1") -> Client:
+        return Client(
+            *await asyncio.open_connection("127.0.0.1", self.server.port, limit=2**20, local_addr=(source, 0))
+        )
 
     async def until(self, is_so: Callable[[], object]) -> None:
         async with asyncio.timeout(10):
@@ -151,12 +153,33 @@ async def test_whoever_only_connects_is_sent_away(serving):
 async def test_a_ninth_finds_no_room_until_another_leaves(serving):
     clients = [await serving.connect() for _ in range(8)]
     for client in clients:
-        await client.ask("OPTIONS")
+        await client.play()
     assert await (await serving.connect()).is_gone()
-    await clients[0].play()
     assert b"200 OK" in await clients[0].ask("TEARDOWN")
     assert await clients[0].is_gone()
     assert b"200 OK" in await (await serving.connect()).ask("OPTIONS")
+
+
+async def test_who_plays_nothing_keeps_nobody_out(serving):
+    player = await serving.connect()
+    await player.play()
+    idle = [await serving.connect() for _ in range(7)]
+    for client in idle:  # as if it were about to play at last
+        assert b"200 OK" in await client.ask("OPTIONS")
+    assert b"200 OK" in await (await serving.connect()).ask("OPTIONS")
+    assert await idle[0].is_gone()
+    assert b"200 OK" in await player.ask("GET_PARAMETER")
+
+
+async def test_one_host_cannot_take_all_places(serving):
+    crowd = [await serving.connect() for _ in range(8)]
+    for client in crowd:
+        await client.play()
+    late = await serving.connect("127.0.0.2")
+    await late.play()
+    assert await crowd[0].is_gone()
+    serving.server.send([b"picture"], True)
+    assert await late.packets(1) == await crowd[1].packets(1) == [b"picture"]
 
 
 async def test_rude_ones_are_cut_off_and_the_others_go_on(serving):

@@ -9,6 +9,7 @@ from typing import Final
 from gcs.transport import Peer
 
 MOST_CLIENTS: Final = 16
+MOST_OF_HOST: Final = 8
 SILENT_S: Final = 10.0  # unheard for so long, a client has left
 _QUIET_S: Final = 3.0  # and may make room for another
 FASTEST_S: Final = 0.02
@@ -25,7 +26,8 @@ class Client:
     @property
     def name(self) -> str:
         """For people."""
-        return f"camera {self.system_id}/{self.component_id}"
+        name = f"camera {self.system_id}/{self.component_id}"  # every QGroundControl calls itself 255/190
+        return name if self.peer is None else f"{name} at {self.peer[0]}:{self.peer[1]}"
 
 
 @dataclass(slots=True)
@@ -36,7 +38,7 @@ class _Known:
 
 
 class Clients:
-    """A bounded number; those that are heard keep their place, so that a flood of addresses displaces nobody."""
+    """A bounded number, of each host too; who is heard keeps its place: a flood of addresses displaces nobody."""
 
     def __init__(self) -> None:
         self._known: dict[Client, _Known] = {}
@@ -48,8 +50,11 @@ class Clients:
         if known is not None:
             known.heard_s = now_s
             return True
-        if len(self._known) >= MOST_CLIENTS:
-            quietest = min(self._known, key=lambda each: self._known[each].heard_s)
+        rivals = [each for each in self._known if client.peer and each.peer and each.peer[0] == client.peer[0]]
+        if len(rivals) < MOST_OF_HOST:
+            rivals = list(self._known) if len(self._known) >= MOST_CLIENTS else []
+        if rivals:
+            quietest = min(rivals, key=lambda each: self._known[each].heard_s)
             if now_s - self._known[quietest].heard_s < _QUIET_S:
                 return False
             del self._known[quietest]
@@ -64,6 +69,10 @@ class Clients:
     def names(self) -> set[str]:
         """As which they may be in control."""
         return {client.name for client in self._known}
+
+    def knows(self, peer: Peer | None) -> bool:
+        """A client speaks from there."""
+        return any(client.peer == peer for client in self._known)
 
     def forget_silent(self, now_s: float) -> None:
         """Those who have left."""

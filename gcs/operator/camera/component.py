@@ -107,6 +107,10 @@ class CameraComponent:
             self._parameter(message, kind, client, now_s)
         return self._take()
 
+    def knows(self, peer: Peer | None) -> bool:
+        """A client speaks from this address."""
+        return self._clients.knows(peer)
+
     def tick(self, now_s: float) -> list[Out | Ask | Say]:
         """What is due by now."""
         if now_s >= self._heartbeat_s:

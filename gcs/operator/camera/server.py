@@ -103,7 +103,7 @@ class CameraServer:
     def _received(self, data: bytes, peer: Peer | None) -> None:
         now_s, peer = self._clock.now_s(), None if self._one_peer else peer
         due_s = self._component.due_s
-        for message in self._intake.messages(data, peer, now_s):
+        for message in self._intake.messages(data, peer, now_s, known=self._component.knows(peer)):
             self._act(self._component.received(message, peer, now_s))
         if self._component.due_s < due_s:
             self._wake.set()
