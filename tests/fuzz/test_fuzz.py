@@ -9,6 +9,7 @@ import pytest
 from sitl_mocks.vehicle import Personality
 from tests.fuzz.configs import fuzz_configs
 from tests.fuzz.link import fuzz_link
+from tests.fuzz.listeners import fuzz_listeners
 from tests.fuzz.packets import Kind, Mutator, frame
 from tests.fuzz.report import Row, table
 from tests.fuzz.supervise import supervise
@@ -42,6 +43,12 @@ def test_damaged_weights_are_refused() -> None:
 @LINUX
 def test_configurations_are_good_or_refused_in_one_line(tmp_path: Path) -> None:
     assert clean(fuzz_configs(150, 7, tmp_path)).count >= 150
+
+
+@LINUX
+def test_damaged_requests_break_nothing_and_order_nothing() -> None:
+    for row in fuzz_listeners(60, 7):
+        assert clean(row).count == 60
 
 
 def test_the_mutator_makes_every_kind_and_repeats_itself() -> None:
