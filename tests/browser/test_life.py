@@ -39,6 +39,14 @@ async def test_until_there_is_a_station_it_says_what_is_waited_for(desk: Desk) -
     await reads(page, "state", "IDLE")
 
 
+async def test_a_station_that_has_ended_is_not_waited_for(desk: Desk) -> None:
+    page = await desk.open()
+    await desk.served.close()
+    await reads(page, "state", "ENDED")
+    await reads(page, "notice-head", "THE STATION HAS ENDED")
+    assert await page.locator("#follow").is_disabled()
+
+
 @pytest.mark.parametrize("watermark", ["SIM", "DRY RUN", "REPLAY", None])
 async def test_what_is_not_real_is_framed(browser: Any, watermark: str | None) -> None:
     async with desk_of(browser, watermark=watermark) as desk:
