@@ -205,6 +205,8 @@ async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
     await asyncio.sleep(9.5)  # what it says of that has faded
     await steady(phone, "FOLLOWING")
     await keep(phone, folder / "simulator-phone.jpg")
+    await asyncio.sleep(6.0)  # past the bridge
+    await steady(page, "FOLLOWING")
     await page.keyboard.press("Space")  # by who only looks on
     await reads(page, "state", "RELEASED")
     await asyncio.sleep(0.3)
