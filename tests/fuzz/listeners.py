@@ -177,7 +177,7 @@ async def _raw(port: int, data: bytes) -> bytes:
     try:
         writer.write(data + b"\r\n\r\n")
         async with asyncio.timeout(_HEAD_S):  # some are never finished
-            return await reader.read()
+            return await reader.read(65_536)
     except (ConnectionError, TimeoutError):
         return b""
     finally:

@@ -50,7 +50,7 @@ def middleware(guard: Guard, clock: Clock, connections: Connections) -> Middlewa
             return _unknown(request)
         if isinstance(request.protocol, Connection):
             connections.shown(request.protocol)
-        if request.path == "/" and "token" in request.query:
+        if request.method == "GET" and request.path == "/" and "token" in request.query:
             return _let_in(request, guard)
         changes = request.method not in ("GET", "HEAD") or request.path == "/ws"
         if changes and not guard.is_our_page(request.headers.get("Origin"), host):
