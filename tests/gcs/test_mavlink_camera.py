@@ -517,3 +517,11 @@ def test_any_other_follow_goes_on(why):
         if why == "elsewhere now":
             rig.lease.take("terminal", rig.now_s, by_force=True)
         assert not [each for _, each in rig.passes(1.0, 0.1) if not isinstance(each, Out)]
+
+
+def test_an_interval_that_no_message_can_tell_is_none(rig):
+    assert results(rig.command(511, 275, 3.4e38)) == [2]
+    assert results(rig.command(511, 275, 2**31)) == [2]
+    assert results(rig.command(511, 275, 2e9)) == [0]
+    said = rig.command(510, 275)
+    assert [Encoder(7, 100).encode(each.message) for each in said]

@@ -129,7 +129,7 @@ def period_s(command: Command, default_s: float | None) -> float | None:
         return None
     if period_us == 0:
         return default_s
-    if not 0 < period_us < math.inf:
+    if not 0 < period_us < 2**31:  # what MESSAGE_INTERVAL can tell
         raise InvalidCommandError("the interval is no time")
     return period_us / 1e6
 
