@@ -209,7 +209,7 @@ async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
     await steady(page, "FOLLOWING")
     await page.keyboard.press("Space")  # by who only looks on
     await reads(page, "state", "RELEASED")
-    await asyncio.sleep(0.3)
+    await asyncio.sleep(1.5)  # it has braked, and is level again
     await keep(page, folder / "simulator-aborted.jpg")
     await phone.context.close()
     await page.context.close()
