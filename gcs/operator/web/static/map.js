@@ -142,6 +142,8 @@ export class SceneMap {
     const { context: c } = this;
     const most = 60 / scale, decade = 10 ** Math.floor(Math.log10(most));
     const length = [5, 2, 1].find((step) => step * decade <= most) * decade;
+    c.fillStyle = "rgba(0,0,0,.8)"; // a path may lie there
+    c.fillRect(4, height - 18, length * scale + 42, 16);
     c.strokeStyle = "#fff";
     c.lineWidth = 2;
     c.beginPath();

@@ -35,7 +35,8 @@ export function banner(tone, state, reason) {
 }
 
 /** What to do next, where the station has nothing to say. */
-export function hint({ state, engaging, refusals }) {
+export function hint({ state, engaging, refusals, vehicle }) {
+  if (state === "idle" && !vehicle.in_air) return "take off: Flight, or your transmitter";
   if (state === "idle") return "drag a box round the target, or tap it";
   if (state === "selected" && !engaging) return refusals.length ? "cannot follow yet" : "hold FOLLOW for a second";
   if (["released", "taken over"].includes(state)) return "press OK, SEEN to go on";

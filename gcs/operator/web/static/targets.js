@@ -38,6 +38,7 @@ export class Targets {
     this.found = [];
     by("boxes").setAttribute("aria-pressed", String(this.isOn));
     this.ask(this.isOn);
+    if (this.isOn) say("looking for what moves");
     this.redraw();
   }
 
