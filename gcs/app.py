@@ -10,7 +10,6 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
-from typing import Final
 
 from control.modes import FollowMode
 from gcs.autopilot.actions import VehicleActions
@@ -37,8 +36,6 @@ from gcs.video import VideoSource, open_source
 from gcs.video.frame import redact
 from gcs.wire import Wire
 from tracker.box import Box
-
-_ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clock: Clock) -> None:
@@ -200,7 +197,9 @@ def signals(stop: Callable[[], None]) -> Iterator[None]:
     What `nohup` has made deaf to a lost terminal stays so.
     """
     loop = asyncio.get_running_loop()
-    numbers = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
     for number in numbers:
         loop.add_signal_handler(number, stop)
     try:
