@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import gc
 import importlib
-import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
@@ -29,6 +28,7 @@ from gcs.operator.displays import Displays, stream_url
 from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
+from gcs.signals import signals
 from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
@@ -46,6 +46,7 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
         screen.live(f"{text} ...")
         displays.starting(text)
 
+    lines = Screen(sys.stdout)  # of JSON
     starting(f"opening the video {redact(options.video)}")
     source = await asyncio.to_thread(open_live, options.video, config)
     try:
@@ -63,7 +64,7 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
                 operator = TerminalOperator(station, screen, lease=displays.lease, clock=clock, plain=options.plain)
                 beside = [operator.run(), *_preselect(station, options.box, displays.say)]
                 if options.json:
-                    beside.append(write_lines(station, displays.lease, clock, sys.stdout))
+                    beside.append(write_lines(station, displays.lease, clock, lines))
                 async with displays.serve(station) as video:
                     camera = run_camera(
                         flight, station, displays.lease, displays.say,
@@ -75,6 +76,7 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
         if folder is not None:
             screen.say(f"recorded in {folder}: `gcs replay {folder}`, `gcs report {folder}`")
     finally:
+        lines.end()
         await asyncio.to_thread(source.close)
 
 
@@ -188,22 +190,3 @@ def first_of(group: BaseExceptionGroup[BaseException]) -> BaseException:
     """The first single exception in a tree of them."""
     error = group.exceptions[0]
     return first_of(error) if isinstance(error, BaseExceptionGroup) else error
-
-
-@contextlib.contextmanager
-def signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a lost terminal end the flight in order, however often they come; then they are as before.
-
-    What `nohup` has made deaf to a lost terminal stays so.
-    """
-    loop = asyncio.get_running_loop()
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
-    for number in numbers:
-        loop.add_signal_handler(number, stop)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            loop.remove_signal_handler(number)

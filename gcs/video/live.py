@@ -161,8 +161,9 @@ class LiveSource:
             try:
                 decoder = self._open_decoder()
             except VideoError as error:
-                self.problem = str(error)
-                log.warning("video: %s; trying again", error)
+                if self.problem != str(error):  # a line for each reason, not for each try
+                    self.problem = str(error)
+                    log.warning("video: %s; trying again", error)
                 continue
             self.reconnects += 1
             return decoder, backoff_s

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from control.types import VehicleMode
-from gcs import app, codec
+from gcs import codec
 from gcs.audit import AuditError, Level, judge, known_name, rules_of
 from gcs.audit_follow_mode import own_place
 from gcs.autopilot.ardupilot import ArduCopter
@@ -123,4 +123,4 @@ def test_what_the_vehicle_does_itself_is_refused(tmp_path, text: str, reason: st
     file.write_text(text)
     args = build_parser().parse_args(["run", "--config", str(file), "--video", "x", "--backend", "follow-target"])
     with pytest.raises(ConfigError, match=reason):
-        app.main(args)
+        launch.main(args)
