@@ -7,7 +7,7 @@ import math
 import pytest
 
 from control.types import VehicleMode
-from gcs import codec
+from gcs import codec, launch
 from gcs.audit import AuditError, Level, judge, known_name, rules_of
 from gcs.audit_follow_mode import own_place
 from gcs.autopilot.ardupilot import ArduCopter
