@@ -8,13 +8,13 @@ import json
 import math
 import os
 import shutil
-import signal
 import textwrap
 from typing import Any, Final
 
 import cv2
 
 from gcs.errors import GcsError
+from gcs.signals import signals
 from sitl_mocks import scenario
 from sitl_mocks.lens import Lens
 from sitl_mocks.simulator import Simulator, SimulatorConfig
@@ -108,11 +108,8 @@ def _wind(text: str) -> tuple[float, float, float]:
 
 
 async def _run(config: SimulatorConfig, args: argparse.Namespace) -> dict[str, Any]:
-    """Until SIGINT or SIGTERM; the summary."""
-    stop, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    simulator = Simulator(config)
+    """Until a signal; the summary."""
+    stop, simulator = asyncio.Event(), Simulator(config)
 
     def ready(said: dict[str, Any]) -> None:
         if args.json:
@@ -120,7 +117,8 @@ async def _run(config: SimulatorConfig, args: argparse.Namespace) -> dict[str, A
         else:
             print(_begin(said, config, args), flush=True)
 
-    await simulator.run(stop, ready)
+    with signals(stop.set):
+        await simulator.run(stop, ready)
     return simulator.summary()
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from gcs.app import fly, make_flight, open_link, open_live, recorder, signals
+from gcs.app import fly, make_flight, open_link, open_live, recorder
 from gcs.cli_operator import with_operator_arguments
 from gcs.clock import MonotonicClock
 from gcs.config import Config, GimbalConfig, load
@@ -28,6 +28,7 @@ from gcs.flight_station import FlightStation
 from gcs.operator.config import PageConfig
 from gcs.operator.displays import Displays
 from gcs.operator.terminal import Screen
+from gcs.signals import signals
 from gcs.tracking import BoxTracker, make_tracker
 
 _LIVE_S: Final = 0.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -21,6 +20,7 @@ from gcs.errors import GcsError
 from gcs.operator.config import MavlinkCameraConfig, VideoOutConfig
 from gcs.operator.displays import Displays
 from gcs.poses import RecordedPoses
+from gcs.signals import signals
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import VideoSource, open_source
 from tracker.eval.sequences import read_boxes
@@ -76,10 +76,11 @@ async def _desk(
     truth = read_boxes(options.truth) if options.truth is not None else None
     given = options.box is not None or truth is not None
     station = DryRunStation(flight, first_box(options, truth, source.size) if given else None)
-    async with displays.serve(station):
-        await _fly(flight, station, displays.say, None if flight.place is Place.START else options.limit_s)
-    station.close()
-    return await passes.end()
+    with signals(flight.stop):
+        async with displays.serve(station):
+            await _fly(flight, station, displays.say, None if flight.place is Place.START else options.limit_s)
+        station.close()
+        return await passes.end()
 
 
 def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]) -> BoxTracker:
@@ -88,9 +89,7 @@ def _load(config: Config, tracker_factory: Callable[[TrackerChoice], BoxTracker]
 
 
 async def _fly(flight: DryRunFlight, station: DryRunStation, say: Say, limit_s: float | None) -> None:
-    """Until a signal, or the operator quits, or a live video has run for limit_s."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, flight.stop)
+    """Until it is stopped, or the operator quits, or a live video has run for limit_s."""
     if limit_s is not None:
         asyncio.get_running_loop().call_later(limit_s, flight.stop)
     async with asyncio.TaskGroup() as group:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import signal
 import sys
 from dataclasses import replace
 from itertools import islice
@@ -22,6 +21,7 @@ from gcs.replay_film import Film
 from gcs.replay_log import FlightLog, FrameRow, ReplayError
 from gcs.replay_player import Moment, Player
 from gcs.replay_station import ReplayStation
+from gcs.signals import signals
 
 _LEAST_SPEED, _MOST_SPEED = 0.1, 20.0
 _LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
@@ -80,8 +80,6 @@ def play_lines(log: FlightLog, film: Film, speed: float, screen: Screen, clock: 
 async def _play_page(log: FlightLog, film: Film, speed: float, screen: Screen, clock: Clock, config: Config) -> None:
     displays = Displays(replace(config, page=replace(config.page, enabled=True)), clock, screen.say)
     loop, stopping = asyncio.get_running_loop(), asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stopping.set)
     station = station_of(film)
 
     def deliver(moment: Moment | None) -> None:
@@ -96,14 +94,15 @@ async def _play_page(log: FlightLog, film: Film, speed: float, screen: Screen, c
             displays.say("the recording has ended; Ctrl-C leaves")
 
     player = Player(log, film, clock, speed, deliver)
-    await displays.open()
-    try:
-        screen.say(f"page: {displays.url}")
-        if film.problem is not None:
-            displays.say(film.problem)
-        async with displays.serve(station):
-            player.start()
-            await stopping.wait()
-    finally:
-        await asyncio.to_thread(player.close)
-        await displays.close()
+    with signals(stopping.set):
+        await displays.open()
+        try:
+            screen.say(f"page: {displays.url}")
+            if film.problem is not None:
+                displays.say(film.problem)
+            async with displays.serve(station):
+                player.start()
+                await stopping.wait()
+        finally:
+            await asyncio.to_thread(player.close)
+            await displays.close()

@@ -76,7 +76,7 @@ class TerminalOperator:
         self._key_s = self._now_s()
 
     async def run(self) -> None:
-        """Until cancelled. The end of the input does not end the flight."""
+        """Until cancelled; the screen is for its owner to end. The end of the input does not end the flight."""
         with _Raw(self._stdin, wanted=not self._plain) as raw:
             if raw.active:
                 self._keys = Keys(self._now_s)
@@ -92,7 +92,7 @@ class TerminalOperator:
                 end_watching()
                 if fd is not None:
                     asyncio.get_running_loop().remove_reader(fd)
-                self._screen.end()
+                self._screen.settle()  # not `end`: a terminal that takes nothing must not hold up the flight's end
 
     # -- what is seen -------------------------------------------------------------------------------------
 
@@ -296,4 +296,4 @@ class _Raw:
         if self._saved is not None:
             import termios
 
-            termios.tcsetattr(self._stream.fileno(), termios.TCSADRAIN, self._saved)  # type: ignore[arg-type]
+            termios.tcsetattr(self._stream.fileno(), termios.TCSANOW, self._saved)  # type: ignore[arg-type]

@@ -29,6 +29,7 @@ class Screen:
         self._block: list[str] = []
         self._painted: list[str] = []
         self._anew = False
+        self._settled = ""  # a display that is left behind, and what was said before that
         self._change = threading.Condition()
         self._thread: threading.Thread | None = None
         self._ending = False
@@ -75,8 +76,16 @@ class Screen:
         self._thread = threading.Thread(target=self._run, name="screen", daemon=True)
         self._thread.start()
 
+    def settle(self) -> None:
+        """Leave the live lines behind: what comes later stands below them."""
+        if self.is_terminal:
+            with self._change:
+                self._settled = self._due() + ("\n" if self._painted else "")
+                self._block, self._painted = [], []
+        self._changed()
+
     def end(self) -> None:
-        """Leave the live lines behind; what comes later is written at once again."""
+        """The live lines are left behind, and what comes later is written at once again. Waits for a slow terminal."""
         thread, self._thread = self._thread, None
         if thread is not None:
             with self._change:
@@ -85,10 +94,7 @@ class Screen:
             thread.join(_END_S)
             if thread.is_alive():  # the terminal takes nothing: it would not take the rest either
                 return
-        self._write(self._due())
-        if self._painted:
-            self._block, self._painted = [], []
-            self._write("\n")
+        self.settle()
 
     def _changed(self) -> None:
         if self._thread is None:
@@ -100,24 +106,24 @@ class Screen:
     def _run(self) -> None:
         while not self._ending:
             with self._change:
-                if not (self._said or self._anew or self._block != self._painted or self._ending):
+                if not (self._said or self._anew or self._settled or self._block != self._painted or self._ending):
                     self._change.wait()
             self._write(self._due())
 
     def _due(self) -> str:
         """What has to be written for everything said and the block to stand there."""
         with self._change:
-            said, block, anew = list(self._said), self._block, self._anew
+            settled, said, block, anew = self._settled, list(self._said), self._block, self._anew
             self._said.clear()
-            self._anew = False
+            self._settled, self._anew = "", False
             if not self.is_terminal:
                 return "".join(text + "\n" for text in said)
             painted, self._painted = self._painted, block
             if anew:
                 return "\x1b[H\x1b[2J" + "".join(text + "\n" for text in self._recent) + "\n".join(block)
         if said or len(block) != len(painted):
-            return _to_top(painted) + "".join(text + "\n" for text in said) + "\n".join(block)
-        return _difference(painted, block)
+            return settled + _to_top(painted) + "".join(text + "\n" for text in said) + "\n".join(block)
+        return settled + _difference(painted, block)
 
     def _write(self, text: str) -> None:
         if text:

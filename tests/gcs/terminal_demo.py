@@ -28,12 +28,14 @@ class Leaving(FakeStation):
 
 async def main() -> None:
     station = Leaving()
-    operator = TerminalOperator(station, Screen(sys.stdout), lease=Lease(), plain="--plain" in sys.argv)
+    screen = Screen(sys.stdout)
+    operator = TerminalOperator(station, screen, lease=Lease(), plain="--plain" in sys.argv)
     running = [asyncio.create_task(station.run()), asyncio.create_task(operator.run())]
     await station.left.wait()
     for task in running:
         task.cancel()
     await asyncio.gather(*running, return_exceptions=True)
+    screen.end()
 
 
 if __name__ == "__main__":

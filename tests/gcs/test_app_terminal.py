@@ -10,6 +10,7 @@ import os
 import pty
 import struct
 import termios
+import threading
 from collections.abc import AsyncIterator
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from control.engagement import State
 from control.modes import FollowMode
 from gcs.clock import FakeClock
 from gcs.errors import VehicleError
+from gcs.operator import terminal_screen
 from gcs.operator.lease import Lease
 from gcs.operator.orders import (
     Abort,
@@ -204,7 +206,7 @@ class Station(FakeStation):
 
 
 @contextlib.asynccontextmanager
-async def operating(operator: TerminalOperator) -> AsyncIterator[None]:
+async def operating(operator: TerminalOperator, screen: Screen) -> AsyncIterator[None]:
     task = asyncio.create_task(operator.run())
     try:
         yield
@@ -212,14 +214,16 @@ async def operating(operator: TerminalOperator) -> AsyncIterator[None]:
         task.cancel()
         (ended,) = await asyncio.gather(task, return_exceptions=True)
         assert isinstance(ended, asyncio.CancelledError), ended
+        screen.end()
 
 
 async def test_orders_from_a_pipe_do_not_wait_for_each_other_and_answers_are_said() -> None:
     read, write = os.pipe()
     station, out, lease = Station(), io.StringIO(), Lease()
+    screen = Screen(out)
     lease.take("page 2", 0.0)
     with os.fdopen(read) as stdin:
-        async with operating(TerminalOperator(station, Screen(out), stdin, lease=lease, clock=FakeClock())):
+        async with operating(TerminalOperator(station, screen, stdin, lease=lease, clock=FakeClock()), screen):
             os.write(write, b"takeoff\nabort\nland\nnonsense\nquit\n")
             os.close(write)
             await station.ordered(4)
@@ -268,7 +272,7 @@ class Pty:
     async def __aenter__(self) -> Pty:
         asyncio.get_running_loop().add_reader(self.person, self._read)
         self._running = contextlib.AsyncExitStack()
-        await self._running.enter_async_context(operating(self.operator))
+        await self._running.enter_async_context(operating(self.operator, self.screen))
         if not self._plain:  # what is typed before is thrown away
             await self.shows("space or Esc ABORT", "\n>")
         return self
@@ -386,13 +390,43 @@ async def test_a_plain_terminal_gets_lines(station: Station, lease: Lease, clock
         assert "\x1b" not in terminal.shown.getvalue()
 
 
+async def test_a_terminal_that_takes_nothing_does_not_hold_up_the_end(
+    station: Station, lease: Lease, clock: FakeClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(terminal_screen, "_END_S", 60.0)
+    person, machine = pty.openpty()
+    freed = threading.Event()
+
+    def free() -> None:  # lest the test waits as long as a flight would
+        freed.set()
+        os.close(person)
+
+    rescue = threading.Timer(3.0, free)
+    rescue.start()
+    out = os.fdopen(machine, "w")
+    screen = Screen(out)
+    task = asyncio.create_task(TerminalOperator(station, screen, io.StringIO(), lease=lease, clock=clock).run())
+    await asyncio.sleep(0)
+    for number in range(2000):  # far more than a terminal buffers
+        screen.say(f"{number} " + "x" * 200)
+    await asyncio.sleep(0.05)
+    task.cancel()
+    await asyncio.wait([task])
+    assert not freed.is_set()
+    rescue.cancel()
+    os.close(person)
+    screen.end()
+    out.close()
+
+
 async def test_the_terminal_is_left_as_it_was(station: Station, lease: Lease, clock: FakeClock) -> None:
     person, machine = pty.openpty()
     try:
         before = termios.tcgetattr(machine)
         with os.fdopen(os.dup(machine), "r") as stdin:
-            operator = TerminalOperator(station, Screen(io.StringIO()), stdin, lease=lease, clock=clock)
-            async with operating(operator):
+            screen = Screen(io.StringIO())
+            operator = TerminalOperator(station, screen, stdin, lease=lease, clock=clock)
+            async with operating(operator, screen):
                 await asyncio.sleep(0)
                 assert termios.tcgetattr(machine) != before
         assert termios.tcgetattr(machine) == before

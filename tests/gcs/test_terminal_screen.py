@@ -97,6 +97,17 @@ def test_all_is_written_by_the_end(out: Terminal) -> None:
     assert out.rows == [*(f"line {number}" for number in range(100)), "block 99", "end", ""]
 
 
+def test_what_is_said_after_the_display_stands_below_it(out: Terminal) -> None:
+    screen = Screen(out)
+    screen.start()
+    screen.block(["display", "> "])
+    screen.say("leaving")
+    screen.settle()
+    screen.say("recorded")
+    screen.end()
+    assert out.rows == ["leaving", "display", "> ", "recorded", ""]
+
+
 def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terminal_screen, "_END_S", 0.05)
     person, machine = pty.openpty()

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.app import fly, make_flight, open_link, open_live, recorder, signals
+from gcs.app import fly, make_flight, open_link, open_live, recorder
 from gcs.clock import MonotonicClock
 from gcs.config import CameraConfig, Config
 from gcs.errors import GcsError
@@ -33,6 +33,7 @@ from gcs.flight_control import Tick
 from gcs.flight_orders import Orders
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Acknowledge, Confirm, Select
+from gcs.signals import signals
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import Frame
