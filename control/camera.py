@@ -73,6 +73,11 @@ class CameraModel:
         return math.sqrt(self.fx_px * self.fy_px)
 
     @property
+    def hfov_rad(self) -> float:
+        """Horizontal field of view, distortion left out."""
+        return 2 * math.atan(self.width_px / 2 / self.fx_px)
+
+    @property
     def vfov_rad(self) -> float:
         """Vertical field of view, distortion left out."""
         return 2 * math.atan(self.height_px / 2 / self.fy_px)

@@ -20,7 +20,7 @@ from control.types import VehicleState
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.dryrun_pace import FilmFrame, PacedSource, Place
-from gcs.dryrun_vehicle import ImaginedVehicle
+from gcs.dryrun_vehicle import ImaginedVehicle, NoVehicle
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_record import Film
 from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_box
@@ -31,7 +31,6 @@ from gcs.link_health import LinkHealth
 from gcs.next import Next
 from gcs.poses import RecordedPoses
 from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose
-from gcs.replay_map import MapPaths
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 
@@ -62,6 +61,8 @@ class _Telemetry:
 @dataclass(frozen=True, slots=True)
 class _Link:
     telemetry: _Telemetry
+    modes: NoVehicle
+    actions: NoVehicle
 
 
 class DryRunFlight:
@@ -81,7 +82,8 @@ class DryRunFlight:
         """poses: of the vehicle, by video time. went: told of each place in the video that was come to."""
         self.camera, self.config, self.clock = camera, _placed(config), clock
         self.vehicle = ImaginedVehicle(config.vehicle.takeoff_height_m)
-        self.link = _Link(_Telemetry(self.vehicle, clock))
+        self.auditor = nobody = NoVehicle()
+        self.link = _Link(_Telemetry(self.vehicle, clock), nobody, nobody)
         self.output, self.gimbal, self.film = NoOutput(), None, Film()
         self.vision = Vision(source, tracker, clock, self._deliver)
         self.typed_distance_m = config.follow.distance_m
@@ -106,7 +108,6 @@ class DryRunFlight:
         for step in range(round(_ATTITUDE_S / TICK_S), 0, -1):
             self._attitude.add(now_s - step * TICK_S, *self.vehicle.pose.attitude_rpy_rad)
         self.control = FollowControl(self.config.control, self.camera, self._attitude)
-        self.paths = MapPaths(self.config.control.follow)
         follow = self.config.follow
         self.control.wanted = replace(
             self.control.wanted, mode=FollowMode(follow.mode.value), standoff_m=follow.standoff_m
@@ -149,7 +150,6 @@ class DryRunFlight:
         self.vehicle.obey(tick.output.action)
         if tick.budget is not None:
             self._budgets.note(now_s, tick.budget)
-        self.paths.note(tick)
         for watcher in self.watchers:
             watcher.ticked(tick)
         self._ticked.tell(tick)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, cast
+from typing import Final
 
-from gcs.candidates import Candidate, CandidateFinder
 from gcs.dryrun_flight import DryRunFlight
 from gcs.dryrun_pace import Place, stands_at_first
-from gcs.flight_orders import Orders, RefusedError
-from gcs.flight_view import Status, Watcher, status_line
+from gcs.flight_orders import RefusedError
+from gcs.flight_station import FlightStation
+from gcs.map_paths import MapPaths
 from gcs.operator.orders import (
     Accept,
     Acknowledge,
@@ -26,18 +24,14 @@ from gcs.operator.orders import (
     SetDistance,
     TakeOff,
 )
-from gcs.operator.station import Scene
-from gcs.video.history import FrameHistory
+from gcs.tick import Tick
 from tracker.box import Box
-
-if TYPE_CHECKING:
-    from gcs.flight import Flight
 
 _FOR_VEHICLES: Final = (Hold, TakeOff, Land, Return, Accept)
 _SELECTS: Final = (Select, SelectPoint, SelectCandidate)
 
 
-class DryRunStation:
+class DryRunStation(FlightStation):
     """A box drawn on the first picture starts the video; confirming and aborting act on an imagined vehicle.
 
     A box that was given beforehand is selected there, and the video starts when it is confirmed: so nobody misses the
@@ -45,68 +39,22 @@ class DryRunStation:
     or draws.
     """
 
-    watermark = "DRY RUN"
-
     def __init__(self, flight: DryRunFlight, box: Box | None = None) -> None:
         """box: selected on the first picture by `begin`."""
-        self._box = box
-        self._flight = flight
-        self._finder = CandidateFinder(flight.vision.frames)
-        # A flight as far as these orders go: what needs a vehicle is refused here.
-        self._orders = Orders(cast("Flight", flight), self.candidates)
+        super().__init__(flight, "DRY RUN")
+        self._box, self._dry = box, flight
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """(width, height) of the pictures, px."""
-        return self._flight.camera.width_px, self._flight.camera.height_px
-
-    @property
-    def hfov_rad(self) -> float:
-        """Horizontal field of view of the pictures."""
-        return 2 * math.atan(self._flight.camera.width_px / 2 / self._flight.camera.focal_px)
-
-    @property
-    def frames(self) -> FrameHistory:
-        """The pictures of the last moments."""
-        return self._flight.vision.frames
-
-    def status(self) -> Status:
-        """Everything an operator's display needs, now."""
-        return self._flight.status()
-
-    def refusals(self) -> tuple[str, ...]:
-        """Everything that would keep a confirmation from being accepted now."""
-        flight = self._flight
-        now_s = flight.clock.now_s()
-        return flight.control.refusals(now_s, flight.vehicle.state(now_s))
-
-    def scene(self) -> Scene:
-        """The map."""
-        return self._flight.paths.scene(self._flight.tick, self._flight.control.fence)
-
-    def candidates(self) -> tuple[Candidate, ...]:
-        """What could be selected by its number."""
-        return self._finder.now()
-
-    def status_line(self) -> str:
-        """The state of everything in one line."""
-        return status_line(self.status())
-
-    def watch(self, watcher: Watcher) -> Callable[[], None]:
-        """Tell it of every frame and tick; returns how to end that."""
-        flight = self._flight
-        flight.watchers = (*flight.watchers, watcher)
-
-        def end() -> None:
-            flight.watchers = tuple(each for each in flight.watchers if each is not watcher)
-
-        return end
+    def ticked(self, tick: Tick) -> None:
+        """The map's paths begin where the video does."""
+        if self._dry.place is not Place.PLAYING:
+            self._paths = MapPaths(self._dry.config.control.follow)
+        super().ticked(tick)
 
     async def perform(self, order: Order) -> str:
         """Do it; the answer for the operator. GcsError or ValueError with the reason if not."""
-        flight = self._flight
+        flight = self._dry
         if isinstance(order, _FOR_VEHICLES):
-            raise RefusedError("a dry run has no vehicle")
+            flight.auditor.refuse()
         if flight.place is Place.END and isinstance(order, (*_SELECTS, Deselect, Acknowledge)):
             flight.rewind()
             if isinstance(order, _SELECTS):
@@ -121,13 +69,9 @@ class DryRunStation:
 
     async def begin(self) -> str:
         """Wait for the first picture, and select the box that was given. GcsError as for any selection."""
-        flight = self._flight
+        flight = self._dry
         while flight.place is Place.START and not (flight.seen is not None and stands_at_first(flight.seen.frame)):
             await flight.next_seen()
         if self._box is None:
             return "the first picture: draw a box"
         return await self._orders.perform(Select(self._box))
-
-    def close(self) -> None:
-        """End what runs beside it."""
-        self._finder.close()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from control.engagement import Action
 from control.types import VehicleMode, VehicleState
+from gcs.flight_orders import RefusedError
 from gcs.rehearsal import Pose
 
 
@@ -42,3 +45,35 @@ class ImaginedVehicle:
             velocity_ned_mps=pose.velocity_ned_mps,
             height_m=self._height_m if pose.height_m is None else pose.height_m,
         )
+
+
+class NoVehicle:
+    """Whatever only a vehicle could do is refused."""
+
+    async def hold(self) -> None:
+        """RefusedError."""
+        self.refuse()
+
+    async def arm(self) -> None:
+        """RefusedError."""
+        self.refuse()
+
+    async def takeoff(self, height_m: float) -> None:
+        """RefusedError."""
+        self.refuse()
+
+    async def land(self) -> None:
+        """RefusedError."""
+        self.refuse()
+
+    async def return_to_launch(self) -> None:
+        """RefusedError."""
+        self.refuse()
+
+    def accept(self, name: str) -> str:
+        """RefusedError."""
+        self.refuse()
+
+    def refuse(self) -> NoReturn:
+        """RefusedError."""
+        raise RefusedError("a dry run has no vehicle")

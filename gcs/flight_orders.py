@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, assert_never
+from typing import Final, assert_never
 
 from control.adjust import change_mode, change_standoff
 from control.causes import Cause
@@ -37,10 +37,8 @@ from gcs.operator.orders import (
     StepStandoff,
     TakeOff,
 )
+from gcs.ordered import OrderedFlight
 from gcs.selection import check_box
-
-if TYPE_CHECKING:  # a dry run takes orders too, and imports no link
-    from gcs.flight import Flight
 
 _SELECT_S: Final = 5.0
 _RELEASE_S: Final = 5.0
@@ -52,15 +50,11 @@ class RefusedError(GcsError):
 
 
 class Orders:
-    """The flight as operators see it (`gcs.operator.terminal.Flying`)."""
+    """candidates: those of now, which an order may name by their numbers."""
 
-    def __init__(self, flight: Flight, candidates: Callable[[], tuple[Candidate, ...]] = tuple) -> None:
+    def __init__(self, flight: OrderedFlight, candidates: Callable[[], tuple[Candidate, ...]] = tuple) -> None:
         self._flight = flight
         self._candidates = candidates
-
-    def status_line(self) -> str:
-        """The state of everything in one line."""
-        return self._flight.status_line()
 
     async def perform(self, order: Order) -> str:
         """Do it and answer in one line; GcsError with the reason if it is not done."""

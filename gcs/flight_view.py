@@ -154,7 +154,7 @@ def make_status(
         reasons=tuple(cause.value for cause in tick.output.reasons),
         vehicle=vehicle,
         confidence=tick.inputs.confidence if tracked else None,
-        distance_m=_distance_m(tick.target, vehicle, confirmation, follow) if tracked else None,
+        distance_m=target_distance_m(tick.target, vehicle, confirmation, follow) if tracked else None,
         standoff_m=(confirmation.standoff_goal_m or confirmation.standoff_m) if confirmation is not None else None,
         video_fps=video_fps,
         limited_by=tick.request.limited_by if tick.request is not None else (),
@@ -187,9 +187,10 @@ def link_warnings(wire: Wire, telemetry: Telemetry, now_s: float) -> tuple[str, 
     return tuple(found)
 
 
-def _distance_m(
+def target_distance_m(
     target: TargetState | None, vehicle: VehicleState, confirmation: Confirmation | None, follow: FollowConfig
 ) -> float | None:
+    """Ground distance as it is followed by, or could be; None where it is not known."""
     if target is None:
         return None
     if confirmation is not None:

@@ -17,10 +17,10 @@ from gcs.flight_vision import Seen
 from gcs.frame_rate import FrameRate
 from gcs.latency_budget import BudgetDisplay
 from gcs.link_meters import LinkFigures
+from gcs.map_paths import MapPaths
 from gcs.operator.orders import Order
 from gcs.operator.station import Scene
 from gcs.replay_log import FrameRow, TickRow
-from gcs.replay_map import MapPaths
 from gcs.replay_player import Moment
 from gcs.tick import Tick
 from gcs.video import Frame

@@ -1,4 +1,4 @@
-"""The map's paths as ticks tell them: of a flight as it was recorded, or of a dry run."""
+"""The map's paths as ticks tell them: of a flight, of one that was recorded, or of a dry run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Final
 
 from control.config import FollowConfig
 from control.fence import Fence
-from control.modes import ground_distance_m
-from control.motion import distance_m
+from gcs.flight_view import target_distance_m
 from gcs.operator.station import Point, Scene
 from gcs.tick import Tick
 
@@ -47,21 +46,14 @@ class MapPaths:
         return Scene(place, vehicle.yaw_rad, target_of(tick, self._follow), fence, *paths)
 
 
-def away_m(tick: Tick, follow: FollowConfig) -> float | None:
-    """Ground distance of the target as of this tick; None where it is not known."""
-    if tick.target is None or not tick.inputs.selected or tick.inputs.latency_s is None:
-        return None
-    found = distance_m(tick.held, tick.target) if tick.held is not None else None
-    if found is None:
-        found = ground_distance_m(tick.target, tick.inputs.vehicle, follow)
-    return found if found is not None and math.isfinite(found) else None
-
-
 def target_of(tick: Tick, follow: FollowConfig) -> Point | None:
     """Where the target was, north and east in m; None where that is not known."""
-    distance = away_m(tick, follow)
-    if distance is None or tick.target is None or tick.inputs.vehicle.position_t_s is None:
+    target, inputs = tick.target, tick.inputs
+    vehicle = inputs.vehicle
+    if target is None or not inputs.selected or inputs.latency_s is None or vehicle.position_t_s is None:
         return None
-    north_m, east_m, _ = tick.inputs.vehicle.position_ned_m
-    azimuth_rad = tick.target.azimuth_rad
-    return north_m + distance * math.cos(azimuth_rad), east_m + distance * math.sin(azimuth_rad)
+    away_m = target_distance_m(target, vehicle, tick.held, follow)
+    if away_m is None or not math.isfinite(away_m):
+        return None
+    north_m, east_m, _ = vehicle.position_ned_m
+    return north_m + away_m * math.cos(target.azimuth_rad), east_m + away_m * math.sin(target.azimuth_rad)
