@@ -10,9 +10,9 @@ from typing import Final
 from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.flight import Flight
+from gcs.flight_place import place_of
 from gcs.flight_station import FlightStation
 from gcs.framing import Message
-from gcs.operator.camera.place import place_of
 from gcs.operator.camera.server import CameraServer, setup_of
 from gcs.operator.camera.setup import COMPONENT_IDS, CameraSetup
 from gcs.operator.lease import Lease

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
-import socket
 from collections.abc import Callable
 from typing import Any
 
 from gcs.errors import WireError
+from gcs.operator.addresses import reachable_url
 from gcs.operator.config import VideoOutConfig
 from gcs.operator.station import Station
 from gcs.video_out.encoder import Coded, require_av
@@ -56,8 +55,7 @@ class VideoOut:
         """Where the stream is to be had, as other machines know it; None: it is not served."""
         if self._server is None:
             return None
-        host = _seen_from_outside(self._config.host)
-        return f"rtsp://{f'[{host}]' if ':' in host else host}:{self._server.port}{PATH}"
+        return reachable_url("rtsp", self._config.host, self._server.port, PATH)
 
     def sdp(self) -> str | None:
         """What a receiver of the RTP packets must be told; None: none are sent."""
@@ -120,18 +118,3 @@ async def _datagrams_to(host: str, port: int) -> Any:
     except OSError as error:
         raise WireError(f"RTP to {host}:{port}: {(error.strerror or str(error)).lower()}") from None
     return transport
-
-
-def _seen_from_outside(host: str) -> str:
-    """For 'every address of this machine': the one it would call others from."""
-    try:
-        if not ipaddress.ip_address(host).is_unspecified:
-            return host
-    except ValueError:  # a name
-        return host
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing
-        except OSError:
-            return "127.0.0.1"
-        return str(probe.getsockname()[0])

@@ -24,7 +24,7 @@ class Peers:
     """Of one station; needs aiortc. Pictures are raw: browsers draw box and state, from the frame's number."""
 
     def __init__(self, station: Station) -> None:
-        self.station = station
+        self._station = station
         self._stream: LiveStream | None = None
         self._peers: set[Peer] = set()
         self._one_by_one = asyncio.Lock()
@@ -43,7 +43,7 @@ class Peers:
                 raise GcsError(f"{_MOST_PEERS} browsers take WebRTC already")
             module = await load()
             if self._stream is None:
-                self._stream = LiveStream(self.station, _BITRATE_KBPS, annotated=False)
+                self._stream = LiveStream(self._station, _BITRATE_KBPS, annotated=False)
             peer = module.Peer(self._stream, self._peers.discard)
             self._peers.add(peer)
             return str(await peer.answer(offer_sdp))

@@ -37,6 +37,7 @@ from gcs.operator.orders import (
 from gcs.operator.station import Scene
 from gcs.tick import Tick
 from gcs.video import Frame
+from gcs.video.frame import Image
 from gcs.video.history import FrameHistory
 from tracker.box import Box, TrackResult
 
@@ -56,7 +57,7 @@ class FakeStation:
     age_s: float = 0.05  # of what the vehicle said last
 
     def __post_init__(self) -> None:
-        self._watchers: list[Watcher] = []
+        self.watchers: list[Watcher] = []
         self._seq = 0
         self.box: Box | None = None
         now_s = self.now_s()
@@ -97,8 +98,8 @@ class FakeStation:
         return self.status().headline
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
-        self._watchers.append(watcher)
-        return lambda: self._watchers.remove(watcher)
+        self.watchers.append(watcher)
+        return lambda: self.watchers.remove(watcher)
 
     async def perform(self, order: Order) -> str:
         self.orders.append(order)
@@ -159,15 +160,17 @@ class FakeStation:
         if self.visible:
             x, y, w, h = (round(v) for v in target.xywh)
             cv2.rectangle(image, (x, y), (x + w, y + h), (40, 40, 200), -1)
+        tracked = self.base.selection > 0 and self.box is not None
+        result = TrackResult(target, 0.9, 0.87 if self.visible else 0.1, self.visible) if tracked else None
+        return self._tell(image, result, replace(target, cx_px=target.cx_px + 4) if tracked else None)
+
+    def _tell(self, image: Image, result: TrackResult | None = None, predicted: Box | None = None) -> Sighting:
         now_s = self.now_s()
         frame = Frame(self._seq, image, now_s - 0.1, now_s)
         self.frames.add(frame)
-        tracked = self.base.selection > 0 and self.box is not None
-        result = TrackResult(target, 0.9, 0.87 if self.visible else 0.1, self.visible) if tracked else None
         seen = Seen(frame, self.base.selection, result, now_s, 0.02)
-        predicted = replace(target, cx_px=target.cx_px + 4) if tracked else None
         sighting = Sighting(seen, self.status(), None, predicted)
-        for watcher in tuple(self._watchers):
+        for watcher in tuple(self.watchers):
             watcher.saw(sighting)
         return sighting
 

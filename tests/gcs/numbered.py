@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.flight_view import Sighting
-from gcs.flight_vision import Seen
-from gcs.video import Frame
 from gcs.video.frame import Image
 from tests.gcs.fake_station import FakeStation
 
@@ -38,15 +36,4 @@ class NumberedStation(FakeStation):
     def show(self) -> Sighting:
         """The next picture, through the watchers."""
         self._seq += 1
-        now_s = self.now_s()
-        frame = Frame(self._seq, numbered(self._seq, self.size), now_s - 0.1, now_s)
-        self.frames.add(frame)
-        sighting = Sighting(Seen(frame, 0, None, now_s), self.status(), None, None)
-        for watcher in tuple(self._watchers):
-            watcher.saw(sighting)
-        return sighting
-
-    @property
-    def watchers(self) -> int:
-        """How many are told."""
-        return len(self._watchers)
+        return self._tell(numbered(self._seq, self.size))

@@ -234,7 +234,7 @@ async def test_orders_from_a_pipe_do_not_wait_for_each_other_and_answers_are_sai
     assert "the vehicle refused" in said
     assert "'nonsense' is not known" in said
     assert "\x1b" not in said  # no display where there is no terminal
-    assert station._watchers == []
+    assert station.watchers == []
 
 
 class Pty:

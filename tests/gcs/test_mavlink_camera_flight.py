@@ -9,6 +9,7 @@ import pytest
 
 from control.engagement import State
 from control.geolocation import offset_from_m
+from gcs.flight_place import place_of
 from gcs.flight_station import FlightStation
 from gcs.framing import dialect
 from gcs.lockstep import loop as lockstep
@@ -17,7 +18,6 @@ from gcs.lockstep.world import World
 from gcs.operator.camera.component import CameraComponent
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
-from gcs.operator.camera.place import place_of
 from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.lease import Lease
 from gcs.scenarios.actors import straight

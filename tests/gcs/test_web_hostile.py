@@ -8,7 +8,7 @@ import logging
 
 import pytest
 
-from gcs.operator.web import connections, extras, mjpeg
+from gcs.operator.web import connections, mjpeg, webrtc
 from gcs.operator.web.limits import Guesses
 from tests.gcs.web_rig import SOON_S, TOKEN, WebRig, web_rig
 
@@ -96,7 +96,7 @@ class TestCrowd:
             assert await line.rest() == b""
 
     async def test_a_body_that_never_ends_is_not_waited_for(self, monkeypatch):
-        monkeypatch.setattr(extras, "_BODY_S", 0.05)
+        monkeypatch.setattr(webrtc, "_BODY_S", 0.05)
         async with web_rig() as rig:
             session = await rig.session()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -21,6 +20,7 @@ from gcs.video_out.encoder import Coded
 from gcs.video_out.live import LiveStream
 from gcs.video_out.peers import Peers
 from tests.gcs.numbered import NumberedStation, number_of
+from tests.gcs.web_rig import web_rig
 
 HIDDEN = "a=candidate:1 1 udp 2113937151 5e1f2b0c-0000-4000-8000-000000000000.local 50000 typ host\r\n"
 
@@ -94,7 +94,7 @@ async def test_each_picture_is_the_frame_that_is_told_for_its_time_and_all_share
     for receiver in receivers:
         await receiver.connect(serving)
     found = await asyncio.gather(*(receiver.pictures(20) for receiver in receivers))
-    assert (serving.count, station.watchers) == (2, 1)
+    assert (serving.count, len(station.watchers)) == (2, 1)
     for receiver, pictures in zip(receivers, found, strict=True):
         told = [(number, receiver.times[number] - pts) for number, pts in pictures if number in receiver.times]
         assert len(told) > 10  # the first ones may come before the channel is open
@@ -156,23 +156,38 @@ def test_addresses_that_a_browser_hides_are_not_looked_up():
     assert peer._without_hidden("v=0\r\n" + HIDDEN + known) == "v=0\r\n" + known
 
 
-async def test_for_the_page_it_is_one_set_of_peers_a_station(station):
-    await webrtc.prepare()
-    receiver = Receiver()
-    answer = await webrtc.answer(station, await receiver.offer())
-    assert "a=sendonly" in answer
-    assert "H264/90000" in answer
-    assert "VP8" not in answer
-    await webrtc.close_all()
-    assert station.watchers == 0
-    await receiver.connection.close()
+async def test_a_page_answers_offers_until_its_station_goes():
+    async with web_rig() as rig:
+        session, receivers = await rig.session(), [Receiver(), Receiver()]
+        for receiver in receivers:
+            async with session.post("/webrtc", data=await receiver.offer(), headers={"Origin": rig.base}) as response:
+                assert response.status == 200
+                answer = await response.text()
+        assert "a=sendonly" in answer
+        assert "H264/90000" in answer
+        assert "VP8" not in answer
+        streams = [each for each in rig.station.watchers if isinstance(each, LiveStream)]
+        assert len(streams) == 1  # both take the same
+        rig.page.detach()
+        await soon(lambda: not rig.station.watchers)
+        for receiver in receivers:
+            await receiver.connection.close()
 
 
-def test_without_aiortc_it_says_what_to_install(monkeypatch):
+async def test_an_offer_that_is_none_is_refused_in_one_line():
+    async with web_rig() as rig:
+        session = await rig.session()
+        async with session.post("/webrtc", data="v=0", headers={"Origin": rig.base}) as response:
+            assert response.status == 400
+            assert "\n" not in await response.text()
+
+
+async def test_without_aiortc_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "aiortc", None)
     assert not webrtc.is_installed()
-    with (
-        pytest.raises(GcsError, match=r"pip install climrt-gcs\[webrtc\]$"),
-        contextlib.closing(asyncio.new_event_loop()) as loop,
-    ):
-        loop.run_until_complete(webrtc.answer(NumberedStation(), ""))
+    await webrtc.prepare()
+    async with web_rig() as rig:
+        session = await rig.session()
+        async with session.post("/webrtc", data="v=0", headers={"Origin": rig.base}) as response:
+            assert response.status == 501
+            assert "pip install 'climrt-gcs[webrtc]'" in await response.text()

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from gcs.flight_view import Sighting
-from gcs.flight_vision import Seen
-from gcs.video import Frame
 from tests.gcs.fake_station import FakeStation
-from tracker.box import Box, TrackResult
+from tracker.box import TrackResult
 
 _KINDS = 10
 
@@ -38,16 +37,9 @@ class LoadStation(FakeStation):
 
     def show(self) -> Sighting:
         self._seq += 1
-        now_s = self.now_s()
-        frame = Frame(self._seq, self._images[self._seq % _KINDS], now_s - 0.1, now_s)
-        self.frames.add(frame)
         box = self._target()
-        seen = Seen(frame, self.base.selection, TrackResult(box, 0.9, 0.87), now_s, 0.02)
-        predicted = Box(box.cx_px + 4, box.cy_px, box.w_px, box.h_px)
-        sighting = Sighting(seen, self.status(), None, predicted)
-        for watcher in tuple(self._watchers):
-            watcher.saw(sighting)
-        return sighting
+        image, result = self._images[self._seq % _KINDS], TrackResult(box, 0.9, 0.87)
+        return self._tell(image, result, replace(box, cx_px=box.cx_px + 4))
 
     async def run(self, fps: float = 20.0) -> None:
         due_s = self.now_s()

@@ -14,10 +14,10 @@ from aiohttp import WSCloseCode, web
 
 from gcs.clock import Clock
 from gcs.errors import PageError, one_line
+from gcs.operator.addresses import bound_socket, reachable_url
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
-from gcs.operator.web import access, extras
-from gcs.operator.web.addresses import bound_socket, reachable
+from gcs.operator.web import access, webrtc
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.connections import Connection, Connections
 from gcs.operator.web.guard import Guard
@@ -98,8 +98,7 @@ class Page:
     @property
     def url(self) -> str:
         """For people to click; as secret as the token in it."""
-        host = reachable(self._config.host)
-        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/?token={self.guard.token}"
+        return reachable_url("http", self._config.host, self._port, f"/?token={self.guard.token}")
 
     def starting(self, text: str) -> None:
         """What is waited for, shown until a station is attached."""
@@ -123,7 +122,7 @@ class Page:
         if stage is not None:
             stage.close()
             self._audience.starting(self._starting)
-            self._ending.append(asyncio.get_running_loop().create_task(extras.close_webrtc()))
+            self._ending.append(asyncio.get_running_loop().create_task(stage.close_peers()))
 
     def say(self, text: str) -> None:
         """A line for everybody's list of messages."""
@@ -216,7 +215,7 @@ class Page:
             viewer=viewer.name,
             size=station.size,
             watermark=station.watermark,
-            webrtc=stage.has_webrtc,
+            webrtc=stage.peers is not None,
             version=stage.version,
         )
         viewer.put("station", welcome.encode())
@@ -259,7 +258,7 @@ class Page:
         return web.json_response({"ok": ok, "text": text}, status=200 if ok else 409)
 
     async def _webrtc(self, request: web.Request) -> web.StreamResponse:
-        return await extras.answer_webrtc(self._present().station, await extras.offer_of(request))
+        return await webrtc.answer(self._present().peers, request)
 
     def _present(self) -> Stage:
         if self._stage is None:

@@ -14,12 +14,13 @@ from gcs.operator.attendance import LOOK_S, Absence, Attendance
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
-from gcs.operator.web import extras
+from gcs.operator.web import webrtc
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.desk import Desk
 from gcs.operator.web.feed import Feed
 from gcs.operator.web.pictures import Picture, Pictures
 from gcs.operator.web.viewer import Viewer
+from gcs.video_out.peers import Peers
 
 _SNAPSHOT_S: Final = 2.0
 log = logging.getLogger(__name__)
@@ -39,7 +40,7 @@ class Stage:
     ) -> None:
         self.station = station
         # Read and imported now: a viewer that comes in flight must cost no tick.
-        self.has_webrtc = extras.has_webrtc()
+        self.peers = Peers(station) if webrtc.is_installed() else None
         self.version = importlib.metadata.version("climrt-gcs")
         self._audience = audience
         self._waiting: list[asyncio.Future[Picture]] = []
@@ -54,13 +55,18 @@ class Stage:
         self._running = loop.create_task(self.feed.run()), loop.create_task(self._attend())
 
     def close(self) -> None:
-        """Nothing of it goes on."""
+        """Nothing of it goes on, but WebRTC until `close_peers`."""
         self._open = False
         self._unwatch()
         for task in self._running:
             task.cancel()
         self.desk.close()
         self._pictures.close()
+
+    async def close_peers(self) -> None:
+        """End every WebRTC connection."""
+        if self.peers is not None:
+            await self.peers.close_all()
 
     async def _attend(self) -> None:
         """Abort what was confirmed here when nobody is here any more."""

@@ -1,17 +1,19 @@
-"""What the page asks of WebRTC: an answer to a browser's offer, and to end them all."""
+"""Video by WebRTC, where its extra is installed; without it the page shows single pictures."""
 
 from __future__ import annotations
 
+import asyncio
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
+from aiohttp import web
+
 from gcs.errors import GcsError
 
-if TYPE_CHECKING:
-    from gcs.operator.station import Station
+if TYPE_CHECKING:  # brings OpenCV
     from gcs.video_out.peers import Peers
 
-_PEERS: Final[list[Peers]] = []  # one for each station that was asked for
+_BODY_S: Final = 5.0
 
 
 def is_installed() -> bool:
@@ -27,20 +29,23 @@ async def prepare() -> None:
         await load()
 
 
-async def answer(station: Station, offer_sdp: str) -> str:
-    """The SDP answer; GcsError with the reason where there is none."""
-    if not is_installed():
-        raise GcsError("WebRTC needs aiortc: pip install climrt-gcs[webrtc]")
-    from gcs.video_out.peers import Peers  # brings OpenCV: the page starts without
-
-    peers = next((each for each in _PEERS if each.station is station), None)
+async def answer(peers: Peers | None, request: web.Request) -> web.Response:
+    """The SDP answer to a browser's offer, or in one line why there is none. peers: None without the extra."""
     if peers is None:
-        peers = Peers(station)
-        _PEERS.append(peers)
-    return await peers.answer(offer_sdp)
+        raise web.HTTPNotImplemented(text="WebRTC is not installed: pip install 'climrt-gcs[webrtc]'")
+    offer_sdp = await _offer_of(request)
+    try:
+        answer_sdp = await peers.answer(offer_sdp)
+    except GcsError as error:
+        raise web.HTTPBadRequest(text=str(error)) from None
+    return web.Response(text=answer_sdp, content_type="application/sdp")
 
 
-async def close_all() -> None:
-    """End every connection, of every station."""
-    while _PEERS:
-        await _PEERS.pop().close_all()
+async def _offer_of(request: web.Request) -> str:
+    try:
+        async with asyncio.timeout(_BODY_S):
+            return (await request.read()).decode()
+    except TimeoutError:
+        raise web.HTTPRequestTimeout(text="the offer did not come") from None
+    except (web.RequestPayloadError, ValueError):
+        raise web.HTTPBadRequest(text="that is no offer") from None

@@ -1,4 +1,4 @@
-"""The address that the page is served at: as a socket, and as others know it."""
+"""The addresses that we serve at: as a socket, and as others know them."""
 
 from __future__ import annotations
 
@@ -29,8 +29,13 @@ def bound_socket(host: str, port: int) -> socket.socket:
     return listening
 
 
-def reachable(host: str) -> str:
-    """An address of ours that others can use, where we listen on all of them."""
+def reachable_url(scheme: str, host: str, port: int, path: str) -> str:
+    """As others reach what listens there: where that is on all our addresses, by the one they most likely know."""
+    host = _reachable(host)
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}{path}"
+
+
+def _reachable(host: str) -> str:
     try:
         address = ipaddress.ip_address(host)
     except ValueError:

@@ -7,9 +7,8 @@ from typing import Final
 
 from control.checks import fresh
 from control.geolocation import moved_deg, target_fix
-from control.modes import ground_distance_m
-from control.motion import distance_m
 from gcs.flight import Flight
+from gcs.flight_view import target_distance_m
 from gcs.operator.camera.setup import TargetPlace
 
 _PLACE_AGE_S: Final = 1.0
@@ -26,7 +25,7 @@ def place_of(flight: Flight) -> TargetPlace | None:
         return None
     held = control.confirmation if control.is_engaged else None
     config = flight.config.control.follow
-    away_m = ground_distance_m(target, vehicle, config) if held is None else distance_m(held, target)
+    away_m = target_distance_m(target, vehicle, held, config)
     if away_m is None:
         return None
     motion = flight.tick.motion if flight.tick is not None and held is not None else None
