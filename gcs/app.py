@@ -51,12 +51,16 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
     source = await asyncio.to_thread(open_live, options.video, config)
     try:
         screen.say(f"video: {source.size[0]}x{source.size[1]} px from {source.name}")
-        starting("loading the tracker")
-        tracker, _ = await asyncio.gather(asyncio.to_thread(_load, config), displays.prepare())
         folder = prepare_folder(options.out) if options.out is not None else None
-        starting(f"waiting for the vehicle at {options.vehicle}")
+        starting(f"loading the tracker, waiting for the vehicle at {options.vehicle}")
+        # Side by side: the one keeps a processor busy, the other mostly waits.
+        loading = asyncio.create_task(asyncio.to_thread(_load, config))
+        await displays.prepare()
         async with open_link(options.vehicle, config, clock, folder) as link:
             displays.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
+            if not loading.done():
+                starting("loading the tracker")
+            tracker = await loading
             watermark = "SIM" if config.vehicle.simulated else None
             with recorder(folder, config, source, displays.say, watermark, link.wire.figures) as record:
                 flight = make_flight(link, source, tracker, config, clock, displays.say, record)
