@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.flight import Flight
 from gcs.flight_place import place_of
 from gcs.flight_station import FlightStation
 from gcs.framing import Message
-from gcs.operator.camera.server import CameraServer, setup_of
-from gcs.operator.camera.setup import COMPONENT_IDS, CameraSetup
+from gcs.operator.camera.server import CameraServer
+from gcs.operator.camera.setup import COMPONENT_IDS, camera_setup
 from gcs.operator.lease import Lease
 
 _LISTEN_S: Final = 1.5  # a camera says that it is there once a second
@@ -50,15 +49,6 @@ async def run_camera(
     say(f"MAVLink camera {setup.system_id}/{setup.component_id} at {config.url}")
     async with server:
         await server.run()
-
-
-def camera_setup(config: Config, system_id: int = 1, heard: Collection[int] = ()) -> CameraSetup:
-    """What the camera definition is made of, and the camera: both must agree."""
-    follow = config.control.follow
-    setup = setup_of(config.mavlink_camera, system_id, heard)
-    return replace(
-        setup, standoff_m=(follow.min_distance_m, follow.max_distance_m), abandoned_s=config.page.abandoned_s
-    )
 
 
 async def _cameras_heard(flight: Flight, system_id: int) -> set[int]:

@@ -68,9 +68,9 @@ class Displays:
         """What a MAVLink camera's clients fetch here."""
         if self._config.mavlink_camera.url is None:
             return []
-        from gcs.flight_camera import camera_setup
         from gcs.operator.camera.definition import routes
         from gcs.operator.camera.server import definition_of
+        from gcs.operator.camera.setup import camera_setup
 
         return routes(definition_of(camera_setup(self._config)))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from types import TracebackType
 from typing import Final
@@ -20,24 +20,13 @@ from gcs.operator.camera.intake import Intake
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
 from gcs.operator.camera.params import parameters
-from gcs.operator.camera.setup import CameraSetup, free_component_id
-from gcs.operator.config import MavlinkCameraConfig
+from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station
 from gcs.transport import Kind, Peer, Transport, open_transport, parse_url
 
 _MOST_ENCODERS: Final = 64
 log = logging.getLogger(__name__)
-
-
-def setup_of(config: MavlinkCameraConfig, system_id: int, heard: Collection[int] = ()) -> CameraSetup:
-    """As configured, on this vehicle. heard: component ids of cameras that it already has. WireError if it is full."""
-    return CameraSetup(
-        system_id=system_id,
-        component_id=free_component_id(config.component_id, heard),
-        display_delay_s=config.display_delay_s,
-        may_follow=config.may_follow,
-    )
 
 
 def definition_of(setup: CameraSetup) -> Definition:

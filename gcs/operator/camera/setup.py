@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from control.types import Vec3
+from gcs.config import Config
 from gcs.errors import WireError
 
 COMPONENT_IDS: Final[range] = range(100, 106)  # MAV_COMP_ID_CAMERA .. CAMERA6
@@ -57,3 +58,19 @@ def free_component_id(wanted: int, taken: Collection[int]) -> int:
         if component_id not in taken:
             return component_id
     raise WireError("MAVLink camera: the vehicle already has cameras 100 to 105")
+
+
+def camera_setup(config: Config, system_id: int = 1, heard: Collection[int] = ()) -> CameraSetup:
+    """As configured, on this vehicle; the camera and its definition are both made of it.
+
+    heard: component ids of cameras that it already has. WireError if it is full.
+    """
+    wanted, follow = config.mavlink_camera, config.control.follow
+    return CameraSetup(
+        system_id=system_id,
+        component_id=free_component_id(wanted.component_id, heard),
+        display_delay_s=wanted.display_delay_s,
+        may_follow=wanted.may_follow,
+        standoff_m=(follow.min_distance_m, follow.max_distance_m),
+        abandoned_s=config.page.abandoned_s,
+    )
