@@ -114,9 +114,11 @@ class CandidateFinder:
             self._thread.join(1.0)
 
     def _run(self) -> None:
-        while not self._closed.is_set():
+        while True:
+            self._wake.clear()  # before the look at what may have woken it
+            if self._closed.is_set():
+                return
             if self._now_s() - self._asked_s > _ASKED_S:
-                self._wake.clear()
                 self._wake.wait()
                 continue
             self.look()

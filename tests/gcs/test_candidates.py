@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import sitl_mocks.sequences
+from gcs import candidates
 from gcs.candidates import CandidateFinder, Numbers, box_at
 from gcs.candidates_box import iou
 from gcs.candidates_motion import moving
@@ -172,7 +174,8 @@ def test_where_nothing_moves_the_middle_can_be_chosen() -> None:
     assert iou(only.box, Box(320.5, 240.5, 41, 61)) > 0.7
 
 
-def test_it_looks_only_while_it_is_asked_and_ends() -> None:
+def test_it_looks_only_while_it_is_asked_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(candidates, "_LOOK_S", 0.001)
     clock = FakeClock(10.0)
     looked = threading.Event()
 
@@ -190,12 +193,35 @@ def test_it_looks_only_while_it_is_asked_and_ends() -> None:
     clock.advance(3.0)
     thread = finder._thread
     assert thread is not None
-    while finder._wake.is_set():  # it finds out at its next look
-        thread.join(0.01)
+    time.sleep(0.02)  # it finds out at its next look
     looked.clear()
+    assert not looked.wait(0.05)
     assert finder.now() == ()
     assert looked.wait(5.0)
     finder.close()
     assert not thread.is_alive()
     finder.now()
     assert finder._thread is thread  # not begun again
+
+
+def test_it_ends_also_at_the_moment_when_it_goes_to_sleep() -> None:
+    asleep_soon, closed = threading.Event(), threading.Event()
+
+    def now_s() -> float:
+        if threading.current_thread().name != "candidates":
+            return 0.0
+        asleep_soon.set()
+        closed.wait(5.0)
+        return 100.0
+
+    finder = CandidateFinder(FrameHistory(), now_s)
+    finder.now()
+    looker = next(each for each in threading.enumerate() if each.name == "candidates")
+    asleep_soon.wait(5.0)
+    closing = threading.Thread(target=finder.close)
+    closing.start()
+    while not (finder._closed.is_set() and finder._wake.is_set()):
+        time.sleep(0.001)
+    closed.set()
+    closing.join(5.0)
+    assert not looker.is_alive()

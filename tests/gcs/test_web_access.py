@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import subprocess
+import sys
 
 import aiohttp
 import pytest
@@ -16,6 +18,7 @@ from gcs.operator.web.guard import Guard
 from gcs.operator.web.server import Page
 from tests.gcs.web_rig import TOKEN, web_rig
 
+HEAVY = ("cv2", "torch", "scipy", "filterpy", "av", "aiortc", "mavsdk", "pymavlink")
 ROUTES = ("/", "/ws", "/video.mjpg", "/snapshot.jpg", "/status.json", "/abort", "/webrtc", "/static/app.js")
 
 
@@ -245,3 +248,10 @@ async def test_before_a_station_it_says_what_is_waited_for():
                 assert response.status == 503
         async with session.post("/abort", headers={"Origin": rig.base}) as response:
             assert response.status == 503
+
+
+@pytest.mark.parametrize("module", ["gcs.operator.web.server", "gcs.launch"])
+def test_the_page_answers_before_anything_heavy_is_imported(module):
+    code = f"import sys, {module}; print([name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
