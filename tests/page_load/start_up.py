@@ -32,6 +32,9 @@ async def main() -> None:
     try:
         with tempfile.TemporaryDirectory() as name:
             runs = [await _run([*arguments, "--out", str(Path(name) / str(i))], i == RUNS - 1) for i in range(RUNS)]
+            quiet = Path(name) / "quiet.yaml"
+            quiet.write_text("recorder: {video: false}\n")
+            unfilmed = await _run([*arguments, "--out", name, "--config", str(quiet)], True)
     finally:
         sim.terminate()
         await sim.wait()
@@ -40,7 +43,7 @@ async def main() -> None:
     print(
         f"station behind it after {statistics.median(ready):.2f} s (worst {max(ready):.2f}), PyTorch and weights loaded"
     )
-    print(f"video, no viewer, nothing selected: {runs[-1][2]:.3f} of a core")
+    print(f"video, no viewer, nothing selected: {runs[-1][2]:.3f} of a core filming, {unfilmed[2]:.3f} not filming")
 
 
 async def _run(arguments: list[str], idle: bool) -> tuple[float, float, float]:
