@@ -15,7 +15,7 @@ from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock
 from gcs.config import AutopilotChoice, Config
-from gcs.dryrun_output import prepare_folder
+from gcs.dryrun.output import prepare_folder
 from gcs.errors import GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_camera import run_camera

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Final
 
 from gcs.app import fly, make_flight, open_link, open_live, recorder
-from gcs.cli_operator import with_operator_arguments
+from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import MonotonicClock
 from gcs.config import Config, GimbalConfig, load
 from gcs.demo_operator import DemoOperator
 from gcs.demo_plot import plot
 from gcs.demo_report import Score, read_truth, score, table
 from gcs.demo_simulator import TRUTH, Simulator, simulator
-from gcs.dryrun_output import prepare_folder
+from gcs.dryrun.output import prepare_folder
 from gcs.errors import GcsError
 from gcs.flight import Flight
 from gcs.flight_station import FlightStation

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs import hud
-from gcs.dryrun_output import AnnotatedVideo
+from gcs.dryrun.output import AnnotatedVideo
 from gcs.video.frame import Image
 
 _QUEUE_FRAMES: Final = 8

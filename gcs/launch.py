@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.backend import Backend
-from gcs.cli_operator import with_operator_arguments
-from gcs.cli_vehicle import with_arguments
+from gcs.cli.args_operator import with_operator_arguments
+from gcs.cli.args_vehicle import with_arguments
 from gcs.clock import MonotonicClock
 from gcs.config import AutopilotChoice, Config, FollowChoice, load
 from gcs.errors import ConfigError, VideoError

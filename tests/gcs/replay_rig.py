@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs.audit import Audit, judge
 from gcs.config import RecorderConfig
-from gcs.dryrun_output import AnnotatedVideo
+from gcs.dryrun.output import AnnotatedVideo
 from gcs.flight_orders import Orders
 from gcs.flight_record import VIDEO, FlightRecorder
 from gcs.flight_view import Sighting

@@ -6,7 +6,7 @@ import sys
 
 import gcs.app
 import gcs.demo
-from gcs.cli import main
+from gcs.cli.entry import main
 from tests.gcs.blob_tracker import BlobTracker
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from gcs.audit_follow_mode import own_place
 from gcs.autopilot.ardupilot import ArduCopter
 from gcs.autopilot.px4 import Px4
 from gcs.backend import Backend
-from gcs.cli import build_parser
+from gcs.cli.entry import build_parser
 from gcs.codec import PublishedTarget
 from gcs.errors import ConfigError
 from gcs.framing import CodecError, Deframer, Encoder

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gcs import cli, cli_dryrun
+from gcs.cli import dryrun as cli_dryrun
+from gcs.cli import entry as cli
 from gcs.config import TrackerConfig as TrackerChoice
 from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, VehicleError
 from gcs.tracking import BoxTracker
@@ -45,7 +46,7 @@ def refused(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
 @pytest.mark.parametrize("argv", [["--help"], ["dry-run", "--help"], ["run", "--help"], ["weights", "train", "--help"]])
 def test_help_imports_nothing_heavy(argv: list[str]) -> None:
     program = (
-        "import sys\nfrom gcs.cli import main\n"
+        "import sys\nfrom gcs.cli.entry import main\n"
         f"try: main({argv!r})\nexcept SystemExit as e: status = e.code\n"
         f"print('HEAVY', [m for m in {HEAVY!r} if m in sys.modules], status)"
     )
@@ -239,5 +240,10 @@ def test_run_and_demo_hand_their_arguments_on(monkeypatch: pytest.MonkeyPatch) -
     assert cli.main([*run, "--autopilot", "px4", "--timeout", "5", "--out", "o"]) == 0
     assert cli.main(["demo", "--seconds", "20", "--scenario", "walk", "--seed", "3", "--personality", "px4"]) == 0
     first, second = got
-    assert (first.handler, first.video, first.timeout, first.autopilot) == ("gcs.launch:main", "udp://:5600", 5.0, "px4")
+    assert (first.handler, first.video, first.timeout, first.autopilot) == (
+        "gcs.launch:main",
+        "udp://:5600",
+        5.0,
+        "px4",
+    )
     assert (second.handler, second.seconds, second.seed, second.json) == ("gcs.demo:main", 20.0, 3, False)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs import cli
+from gcs.cli import entry as cli
 from gcs.errors import EXIT_USAGE
 from gcs.pixel_kalman import PixelKalman
 from tests.tracker.eval_sets import MovingTracker, sequence_folder, truth, write_boxes

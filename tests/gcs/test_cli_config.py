@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs import cli
-from gcs.cli_operator import with_operator_arguments
+from gcs.cli import entry as cli
+from gcs.cli.args_operator import with_operator_arguments
 from gcs.config import Config, load, load_with_origins
 from gcs.errors import EXIT_USAGE, ConfigError, GcsError
 from gcs.profiles import profile_names, profile_text

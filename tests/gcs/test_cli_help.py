@@ -10,7 +10,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gcs import cli, cli_completion
+from gcs.cli import completion as cli_completion
+from gcs.cli import entry as cli
 from gcs.errors import EXIT_USAGE
 
 WANTED = ("run", "dry-run", "demo", "sim", "replay", "bench", "doctor", "audit", "report", "weights", "config")
@@ -93,7 +94,7 @@ def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize("argv", [["sim", "--help"], ["doctor", "--help"], ["config", "--help"], ["--version"]])
 def test_nothing_heavy_is_imported_to_say_what_a_command_does(argv: list[str]) -> None:
     program = (
-        "import sys\nfrom gcs.cli import main\n"
+        "import sys\nfrom gcs.cli.entry import main\n"
         f"try: main({argv!r})\nexcept SystemExit: pass\n"
         "heavy = ('torch', 'cv2', 'numpy', 'mavsdk', 'pymavlink', 'aiohttp', 'asyncio', 'rich', 'yaml', 'shtab')\n"
         "print('HEAVY', [m for m in heavy if m in sys.modules])"

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs import cli
-from gcs.cli_sim import run_line
+from gcs.cli import entry as cli
+from gcs.cli.sim import run_line
 from gcs.config import load
 from gcs.errors import EXIT_USAGE
 from sitl_mocks import scenario

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from gcs import cli
+from gcs.cli import entry as cli
 from gcs.config import Config, RecorderConfig, TrackerConfig
 from gcs.doctor import machine, ports, software
 from gcs.doctor.check import Check, Level, Question, Result, Say, ok
@@ -174,7 +174,7 @@ def test_misuse_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_no_pytorch_where_the_tracker_is_not_looked_at() -> None:
     program = (
-        "import sys\nfrom gcs.doctor import machine\nmachine._TICKS = 1\nfrom gcs.cli import main\n"
+        "import sys\nfrom gcs.doctor import machine\nmachine._TICKS = 1\nfrom gcs.cli.entry import main\n"
         "main(['doctor', '--quick', '--json'])\nprint('torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -15,8 +15,8 @@ import pytest
 
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
-from gcs.dryrun import Options, run
-from gcs.dryrun_output import Summary
+from gcs.dryrun.batch import Options, run
+from gcs.dryrun.output import Summary
 from gcs.errors import GcsError, SelectionError, VideoError
 from gcs.messages import read_messages
 from gcs.tracking import BoxTracker
@@ -277,8 +277,8 @@ class Refused(socket.socket):
         raise AssertionError("a dry run opened a socket")
 socket.socket = Refused
 from pathlib import Path
-from gcs.cli_dryrun import main
-from gcs.dryrun import Options, run
+from gcs.cli.dryrun import main
+from gcs.dryrun.batch import Options, run
 from gcs.config import Config
 from tests.gcs.colour_tracker import ColourTracker
 from tracker.box import Box
@@ -286,7 +286,7 @@ run(Options({str(clip)!r}, Path({str(tmp_path / "out")!r}), Config(), box=Box(76
     tracker_factory=lambda choice: ColourTracker())
 socket.socket = real
 from dataclasses import replace
-from gcs import dryrun_page
+from gcs.dryrun import page as dryrun_page
 from gcs.operator.config import PageConfig
 opened, said, visits = [], [], []
 sys.addaudithook(lambda event, args: event in ("socket.bind", "socket.connect") and opened.append(event))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs.clock import FakeClock
-from gcs.dryrun_pace import FilmFrame, PacedSource, Place
+from gcs.dryrun.pace import FilmFrame, PacedSource, Place
 from gcs.errors import VideoError
 from gcs.video import open_source
 from tests.gcs.clips import write_clip

@@ -15,11 +15,11 @@ from control.engagement import State
 from control.types import VehicleMode
 from gcs.clock import FakeClock
 from gcs.config import Config
-from gcs.dryrun import Options
-from gcs.dryrun_flight import ENDED, READY, WAITING, DryRunFlight
-from gcs.dryrun_pace import PacedSource
-from gcs.dryrun_page import Passes
-from gcs.dryrun_station import DryRunStation
+from gcs.dryrun.batch import Options
+from gcs.dryrun.flight import ENDED, READY, WAITING, DryRunFlight
+from gcs.dryrun.pace import PacedSource
+from gcs.dryrun.page import Passes
+from gcs.dryrun.station import DryRunStation
 from gcs.errors import SelectionError
 from gcs.flight_orders import RefusedError
 from gcs.operator.orders import (
@@ -34,7 +34,7 @@ from gcs.operator.orders import (
     TakeOff,
 )
 from gcs.poses import RecordedPoses
-from gcs.replay_log import FlightLog, FrameRow, TickRow
+from gcs.replay.log import FlightLog, FrameRow, TickRow
 from gcs.video import open_source
 from tests.gcs.clips import box_at, write_clip
 from tests.gcs.colour_tracker import ColourTracker

@@ -8,7 +8,7 @@ import stat
 
 import pytest
 
-from gcs.cli import main
+from gcs.cli.entry import main
 from gcs.keys import KeyFileError, SigningKey, default_path, read_key, write_key
 
 SECRET = bytes(range(32))

@@ -16,17 +16,18 @@ import aiohttp
 import pytest
 
 from control.engagement import State
-from gcs import replay, report
 from gcs.audit import Audit
 from gcs.clock import FakeClock
 from gcs.errors import GcsError
 from gcs.flight_record import MESSAGES, VIDEO
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Select
-from gcs.replay import open_flight, station_of
-from gcs.replay_log import FlightLog, FrameRow, ReplayError, TickRow
-from gcs.replay_player import Moment, Player
-from gcs.replay_station import NoOrdersError, ReplayStation
+from gcs.replay import play as replay
+from gcs.replay.log import FlightLog, FrameRow, ReplayError, TickRow
+from gcs.replay.play import open_flight, station_of
+from gcs.replay.player import Moment, Player
+from gcs.replay.station import NoOrdersError, ReplayStation
+from gcs.report import make as report
 from gcs.tick import Tick
 from tests.gcs.replay_rig import SIZE, grey_of, record_flight
 from tracker.box import Box

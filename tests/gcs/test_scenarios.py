@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from control.modes import FollowMode
-from gcs import cli
+from gcs.cli import entry as cli
 from gcs.scenarios import reference
 from gcs.scenarios.catalogue import SCENARIOS, Case, Scenario, cases, find
 from gcs.scenarios.conditions import Conditions, LawKind

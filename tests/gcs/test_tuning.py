@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from gcs import cli
+from gcs.cli import entry as cli
 from gcs.tuning import sweep as sweeping
 from gcs.tuning.airframe import AirframeError, StepResponse, airframe, measured
 from sitl_mocks.dynamics import PX4, MotionCommand, Multicopter
@@ -73,7 +73,7 @@ def test_bad_input_is_one_line(bad: list[str], capsys: pytest.CaptureFixture[str
 
 
 def test_its_json_is_one_line_that_a_configuration_can_be_made_of() -> None:
-    from gcs.cli_tune import _as_json, _yaml
+    from gcs.cli.tune import _as_json, _yaml
 
     tuned = sweeping.Tuned({"yaw_gain_ps": 4.2}, ())
     assert json.loads(json.dumps(_as_json(tuned)))["control"] == {"follow": {"yaw_gain_ps": 4.2}}

@@ -19,8 +19,8 @@ from control.modes import FollowMode, ground_distance_m
 from control.types import VehicleState
 from gcs.clock import Clock
 from gcs.config import Config
-from gcs.dryrun_pace import FilmFrame, PacedSource, Place
-from gcs.dryrun_vehicle import ImaginedVehicle, NoVehicle
+from gcs.dryrun.pace import FilmFrame, PacedSource, Place
+from gcs.dryrun.vehicle import ImaginedVehicle, NoVehicle
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_record import Film
 from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_box

@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from gcs.cli_operator import with_operator_arguments
-from gcs.cli_parser import did_you_mean
-from gcs.cli_vehicle import with_arguments
+from gcs.cli.args_operator import with_operator_arguments
+from gcs.cli.args_vehicle import with_arguments
+from gcs.cli.parser import did_you_mean
 from gcs.config import Config, load_with_origins
 from gcs.config_example import render
 from gcs.config_explain import DEFAULT, Explained, chosen, explain, in_words, is_of, keys, shown

@@ -14,10 +14,10 @@ import msgspec
 from tqdm import tqdm
 
 from control.camera import CameraModel
-from gcs.cli_operator import with_operator_arguments
+from gcs.cli.args_operator import with_operator_arguments
 from gcs.config import load
-from gcs.dryrun import Options, run
-from gcs.dryrun_output import Summary
+from gcs.dryrun.batch import Options, run
+from gcs.dryrun.output import Summary
 from gcs.errors import EXIT_INTERRUPTED, GcsError, VideoError, one_line
 from gcs.selection import parse_box
 from sitl_mocks import sequences
@@ -41,13 +41,13 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _in_page(options: Options, args: argparse.Namespace) -> int:
-    from gcs import dryrun_page  # the page's parts are for this alone
+    from gcs.dryrun import page  # the page's parts are for this alone
 
     if args.select:
         raise UsageError("--select opens a window of its own: with --page draw the box in the page")
     out = sys.stderr if args.json else sys.stdout
     options = replace(options, config=with_operator_arguments(options.config, args))
-    summary = dryrun_page.run(options, lambda text: print(one_line(text), file=out, flush=True))
+    summary = page.run(options, lambda text: print(one_line(text), file=out, flush=True))
     if summary is not None and args.json:
         show(summary, as_json=True)
     return 0

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from gcs.clock import Clock
-from gcs.replay_film import Film
-from gcs.replay_log import FlightLog, FrameRow, Message
+from gcs.replay.film import Film
+from gcs.replay.log import FlightLog, FrameRow, Message
 from gcs.video.frame import Image
 
 _LATE_S: Final = 0.2  # behind by more: pictures are left out, decisions are not

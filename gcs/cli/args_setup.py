@@ -1,11 +1,11 @@
-"""Arguments of the commands that set up: config, keys, tune, completion, and weights (in cli_setup_weights)."""
+"""Arguments of the commands that set up: config, keys, tune, completion, and weights (in args_weights)."""
 
 from __future__ import annotations
 
-from gcs import cli_setup_weights
-from gcs.cli_operator import add_operator
-from gcs.cli_parser import Commands, Parser, add_actions, add_command
-from gcs.cli_vehicle import add_link
+from gcs.cli import args_weights
+from gcs.cli.args_operator import add_operator
+from gcs.cli.args_vehicle import add_link
+from gcs.cli.parser import Commands, Parser, add_actions, add_command
 
 
 def add(commands: Commands) -> None:
@@ -13,14 +13,14 @@ def add(commands: Commands) -> None:
     _add_config(commands)
     _add_keys(commands)
     _add_tune(commands)
-    cli_setup_weights.add(commands)
+    args_weights.add(commands)
     _add_completion(commands)
 
 
 def _add_config(commands: Commands) -> None:
     p = add_command(
         commands, "config", "show, check or explain a configuration",
-        handler="gcs.cli_config:main",
+        handler="gcs.cli.config:main",
         more=(
             "Alone it prints one with every key; with a file it checks that. Later wins: defaults, --profile, the "
             "file, arguments of the command line. A KEY is a name (vehicle.url) or a part of the tree (control.follow)."
@@ -56,19 +56,19 @@ def _add_keys(commands: Commands) -> None:
     actions = add_actions(keys)
     p = add_command(
         actions, "new", "make a key; never overwrites one",
-        handler="gcs.cli_keys:new", examples=("gcs keys new", "gcs keys new --passphrase mine.key"),
+        handler="gcs.cli.keys:new", examples=("gcs keys new", "gcs keys new --passphrase mine.key"),
     )  # fmt: skip
     text = "read a passphrase instead; QGroundControl and MAVProxy make the same key of it"
     p.add_argument("--passphrase", action="store_true", help=text)
     _add_key_file(p)
     p = add_command(
         actions, "show-fingerprint", "which key a file holds, without showing it",
-        handler="gcs.cli_keys:show_fingerprint", examples=("gcs keys show-fingerprint",),
+        handler="gcs.cli.keys:show_fingerprint", examples=("gcs keys show-fingerprint",),
     )  # fmt: skip
     _add_key_file(p)
     p = add_command(
         actions, "send", "put the key on a vehicle, in the clear: over a cable",
-        handler="gcs.cli_keys:send", examples=("gcs keys send --vehicle serial:///dev/ttyACM0:57600",),
+        handler="gcs.cli.keys:send", examples=("gcs keys send --vehicle serial:///dev/ttyACM0:57600",),
     )  # fmt: skip
     p.add_argument("--vehicle", metavar="URL", required=True, help="as for `gcs run`")
     p.add_argument("--timeout", type=float, default=15.0, metavar="S", help="how long to wait for it (default: 15)")
@@ -82,7 +82,7 @@ def _add_key_file(p: Parser) -> None:
 def _add_tune(commands: Commands) -> None:
     p = add_command(
         commands, "tune", "which gains suit your airframe and your video's delay",
-        handler="gcs.cli_tune:main",
+        handler="gcs.cli.tune:main",
         more="Flown in simulated time; says what error to expect with them.",
         examples=(
             "gcs tune --delay-ms 180 --out gains.yaml",
@@ -103,7 +103,7 @@ def _add_tune(commands: Commands) -> None:
 def _add_completion(commands: Commands) -> None:
     p = add_command(
         commands, "completion", "let your shell complete commands, options and files",
-        handler="gcs.cli_completion:main",
+        handler="gcs.cli.completion:main",
         more="Prints a script for your shell; put the line for it where your shell reads it at its start.",
         examples=(
             "gcs completion bash > ~/.local/share/bash-completion/completions/gcs",

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gcs.cli_vehicle import with_arguments
+from gcs.cli.args_vehicle import with_arguments
 from gcs.config import Config, load_with_origins
 from gcs.config_yaml import Layered
 from gcs.doctor.check import Level, Question, Result, fail, ok
@@ -71,7 +71,7 @@ def _question(args: argparse.Namespace, written: Layered[Config]) -> Question:
     config = written.value
     config = replace(config, vehicle=with_arguments(config.vehicle, args))
     vehicle_is_named = args.vehicle is not None or "vehicle.url" in written.origins
-    source = Path(__file__).parents[1]
+    source = Path(__file__).parents[2]
     return Question(
         config=config,
         video=args.video or config.video.url,

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.dryrun_record import ANNOTATED
+from gcs.dryrun.record import ANNOTATED
 from gcs.flight_record import MESSAGES, TLOG, VIDEO
-from gcs.replay_log import FlightLog, ReplayError
-from gcs.report_figures import Report
-from gcs.report_tally import Tally
-from gcs.report_text import text_of
+from gcs.replay.log import FlightLog, ReplayError
+from gcs.report.figures import Report
+from gcs.report.tally import Tally
+from gcs.report.text import text_of
 
 _TLOG_STAMP_BYTES = 8  # microseconds since 1970, before each message
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gcs.cli_parser import Commands, add_actions, add_command
+from gcs.cli.parser import Commands, add_actions, add_command
 
 _TRAIN: Final = (
     "A run goes on with --resume as often as needed, in slices of --minutes: exit status 3 says that the schedule is "
@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
 def _add_import(actions: Commands) -> None:
     p = add_command(
         actions, "import", "convert a checkpoint of the authors",
-        handler="gcs.cli_weights:import_weights",
+        handler="gcs.cli.weights:import_weights",
         more="Nothing in it is executed.",
         examples=("gcs weights import t_best.pth --out full.safetensors",),
     )  # fmt: skip
@@ -46,7 +46,7 @@ def _add_import(actions: Commands) -> None:
 def _add_info(actions: Commands) -> None:
     p = add_command(
         actions, "info", "what a weights file holds; checks it",
-        handler="gcs.cli_weights:info", examples=("gcs weights info", "gcs weights info full.safetensors"),
+        handler="gcs.cli.weights:info", examples=("gcs weights info", "gcs weights info full.safetensors"),
     )  # fmt: skip
     p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE", help="default: compact")
 
@@ -54,7 +54,7 @@ def _add_info(actions: Commands) -> None:
 def _add_train(actions: Commands) -> None:
     p = add_command(
         actions, "train", "train from packs of pictures",
-        handler="gcs.cli_weights:train", more=_TRAIN,
+        handler="gcs.cli.weights:train", more=_TRAIN,
         examples=(
             "gcs weights train tracker/train/compact.yaml --data PACKS --out runs/mine --minutes 9 --resume",
             "gcs weights train tracker/train/compact.yaml --data PACKS --probe",
@@ -78,7 +78,7 @@ def _add_train(actions: Commands) -> None:
 def _add_ablate(actions: Commands) -> None:
     p = add_command(
         actions, "ablate", "train and score the paper's ablations",
-        handler="gcs.cli_weights:ablate",
+        handler="gcs.cli.weights:ablate",
         more=(
             "Each with the same small budget, for several seeds: table.md, table.json and chart.png in --out. A run "
             "that was broken off goes on when given again."
@@ -94,7 +94,7 @@ def _add_ablate(actions: Commands) -> None:
 def _add_calibrate(actions: Commands) -> None:
     p = add_command(
         actions, "calibrate", "fit the confidence to held-out clips",
-        handler="gcs.cli_weights:calibrate",
+        handler="gcs.cli.weights:calibrate",
         more="As a probability that the box is right; it goes into the manifest.",
         examples=("gcs weights calibrate runs/mine/weights.safetensors --data PACKS",),
     )  # fmt: skip

@@ -13,15 +13,20 @@ import sys
 from collections.abc import Callable
 from typing import Any, Final
 
-from gcs import cli_fly, cli_footage, cli_measure, cli_setup
-from gcs.cli_parser import Commands, Parser, debug_option
+from gcs.cli import args_fly, args_footage, args_measure, args_setup
+from gcs.cli.parser import Commands, Parser, debug_option
 from gcs.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USAGE, GcsError, one_line
 
 _ABOUT: Final = """\
 Tracks one object in a drone's video with ClimRT and follows it over MAVLink.
 New here? `gcs demo` shows a flight, `gcs sim` and `gcs run --profile sim` let
 you fly one, `gcs doctor` says what to fix."""
-_PARTS: Final = (("fly", cli_fly), ("video and records", cli_footage), ("set up", cli_setup), ("measure", cli_measure))
+_PARTS: Final = (
+    ("fly", args_fly),
+    ("video and records", args_footage),
+    ("set up", args_setup),
+    ("measure", args_measure),
+)
 _EPILOG: Final = """\
 options:
   -h, --help  show this
@@ -119,7 +124,3 @@ def _load(name: str) -> Callable[[argparse.Namespace], int]:
     module, _, function = name.partition(":")
     handler: Callable[[argparse.Namespace], int] = getattr(importlib.import_module(module), function)
     return handler
-
-
-if __name__ == "__main__":
-    sys.exit(main())

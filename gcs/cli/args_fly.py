@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gcs.cli_operator import add_operator
-from gcs.cli_parser import Commands, Parser, add_command
-from gcs.cli_vehicle import add_vehicle
+from gcs.cli.args_operator import add_operator
+from gcs.cli.args_vehicle import add_vehicle
+from gcs.cli.parser import Commands, Parser, add_command
 
 _PERSONALITIES: Final = ("px4", "ardupilot")
 
@@ -66,7 +66,7 @@ def _add_demo(commands: Commands) -> None:
 def _add_sim(commands: Commands) -> None:
     p = add_command(
         commands, "sim", "a mocked vehicle with its camera, to try things on",
-        handler="gcs.cli_sim:main",
+        handler="gcs.cli.sim:main",
         more=(
             "It answers on a real UDP port like PX4 or ArduCopter and shows a rendered world from where it is: arming, "
             "modes, parameters, failsafes and delays are imitated as measured. It has no sensors, estimator or motors "
@@ -100,7 +100,7 @@ def _add_sim(commands: Commands) -> None:
 def _add_doctor(commands: Commands) -> None:
     p = add_command(
         commands, "doctor", "check this machine, video and vehicle: what to fix",
-        handler="gcs.cli_doctor:main",
+        handler="gcs.cli.doctor:main",
         more=(
             "Video and vehicle are looked at where an address is given, here or in a configuration. It never arms or "
             "moves anything: the vehicle is only asked. Exit status 1: something must be fixed."
@@ -123,7 +123,7 @@ def _add_doctor(commands: Commands) -> None:
 def _add_audit(commands: Commands) -> None:
     p = add_command(
         commands, "audit", "are the vehicle's parameters safe for following?",
-        handler="gcs.cli_audit:main",
+        handler="gcs.cli.audit:main",
         more="It prints the lines that put right what is not, and sets nothing. Exit status 1: something is unsafe.",
         examples=(
             "gcs audit --vehicle udpin://0.0.0.0:14540",

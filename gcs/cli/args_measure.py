@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gcs.cli_parser import Commands, Parser, add_actions, add_command
+from gcs.cli.parser import Commands, Parser, add_actions, add_command
 
 
 def add(commands: Commands) -> None:
@@ -14,7 +14,7 @@ def add(commands: Commands) -> None:
 def _add_bench(commands: Commands) -> None:
     bench = add_command(
         commands, "bench", "how fast it is here, or how well it tracks",
-        handler="gcs.cli_bench:speed",
+        handler="gcs.cli.bench:speed",
         more="Alone it measures speed and memory on this machine.",
         examples=(
             "gcs bench",
@@ -31,7 +31,7 @@ def _add_bench(commands: Commands) -> None:
 def _add_bench_track(kinds: Commands) -> None:
     p = add_command(
         kinds, "track", "one-pass evaluation of the tracker on sequences",
-        handler="gcs.cli_bench:track",
+        handler="gcs.cli.bench:track",
         more="A benchmark, a folder of sequences, or one video with its boxes.",
         examples=(
             "gcs bench track UAV123_10fps --results boxes --jobs 4",
@@ -58,7 +58,7 @@ def _add_bench_track(kinds: Commands) -> None:
 def _add_bench_score(kinds: Commands) -> None:
     p = add_command(
         kinds, "score", "score the boxes that any tracker has left as text",
-        handler="gcs.cli_bench:score",
+        handler="gcs.cli.bench:score",
         examples=("gcs bench score UAV123_10fps --results AutoTrack=boxes/autotrack --attributes",),
     )  # fmt: skip
     _add_dataset(p)
@@ -77,7 +77,7 @@ def _add_dataset(p: Parser) -> None:
 def _add_scenarios(commands: Commands) -> None:
     p = add_command(
         commands, "scenarios", "many closed-loop flights in simulated time, judged",
-        handler="gcs.cli_scenarios:main",
+        handler="gcs.cli.scenarios:main",
         more="A table, compared with the committed figures. Exit status 1: something is worse, or unsafe.",
         examples=(
             "gcs scenarios",

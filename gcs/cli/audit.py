@@ -12,7 +12,7 @@ from typing import Final
 
 from gcs.audit import Audit, Level, judge, rules_of
 from gcs.autopilot.parameters import read_parameters
-from gcs.cli_vehicle import with_arguments
+from gcs.cli.args_vehicle import with_arguments
 from gcs.clock import MonotonicClock
 from gcs.config import VehicleConfig, load
 from gcs.signing import open_signing, security

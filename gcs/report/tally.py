@@ -15,8 +15,8 @@ from control.types import Reason, VehicleMode
 from gcs.audit import Audit, Level
 from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures
-from gcs.replay_log import Entry, FrameRow, TickRow
-from gcs.report_figures import Audited, Event, Following, Link, Spread
+from gcs.replay.log import Entry, FrameRow, TickRow
+from gcs.report.figures import Audited, Event, Following, Link, Spread
 
 _FOLLOWED: Final = (State.FOLLOWING, State.COASTING, State.LOST_HOLD)
 _UNSEEN: Final = (State.COASTING, State.LOST_HOLD)

@@ -11,16 +11,16 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from gcs.cli_operator import with_operator_arguments
+from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.operator.displays import Displays
 from gcs.operator.terminal import Screen
-from gcs.replay_film import Film
-from gcs.replay_log import FlightLog, FrameRow, ReplayError
-from gcs.replay_player import Moment, Player
-from gcs.replay_station import ReplayStation
+from gcs.replay.film import Film
+from gcs.replay.log import FlightLog, FrameRow, ReplayError
+from gcs.replay.player import Moment, Player
+from gcs.replay.station import ReplayStation
 from gcs.signals import signals
 
 _LEAST_SPEED, _MOST_SPEED = 0.1, 20.0

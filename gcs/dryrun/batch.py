@@ -16,7 +16,7 @@ import numpy as np
 from control.camera import CameraModel
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
-from gcs.dryrun_output import (
+from gcs.dryrun.output import (
     AnnotatedVideo,
     Summary,
     Tally,
@@ -25,7 +25,7 @@ from gcs.dryrun_output import (
     prepare_folder,
     write_results,
 )
-from gcs.dryrun_view import overlay_of
+from gcs.dryrun.view import overlay_of
 from gcs.errors import SelectionError, VideoError
 from gcs.hud import Overlay, draw
 from gcs.messages import MessageLog

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from gcs.dryrun_flight import DryRunFlight
-from gcs.dryrun_pace import Place, stands_at_first
+from gcs.dryrun.flight import DryRunFlight
+from gcs.dryrun.pace import Place, stands_at_first
 from gcs.flight_orders import RefusedError
 from gcs.flight_station import FlightStation
 from gcs.map_paths import MapPaths

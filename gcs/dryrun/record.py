@@ -10,8 +10,8 @@ from pathlib import Path
 
 from gcs.audit import Audit
 from gcs.config import RecorderConfig
-from gcs.dryrun_output import Summary, Tally, prepare_folder, write_results
-from gcs.dryrun_pace import FilmFrame
+from gcs.dryrun.output import Summary, Tally, prepare_folder, write_results
+from gcs.dryrun.pace import FilmFrame
 from gcs.flight_record import FlightRecorder
 from gcs.flight_video import FlightVideo
 from gcs.flight_view import Sighting, overlay

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from gcs.cli_operator import add_port
-from gcs.cli_parser import Commands, add_command
+from gcs.cli.args_operator import add_port
+from gcs.cli.parser import Commands, add_command
 
 
 def add(commands: Commands) -> None:
@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
 def _add_dry_run(commands: Commands) -> None:
     p = add_command(
         commands, "dry-run", "your video through the whole chain, with no vehicle",
-        handler="gcs.cli_dryrun:main",
+        handler="gcs.cli.dryrun:main",
         more="There is no link at all, so nothing can move; what would have been sent is written down.",
         examples=(
             "gcs dry-run --sample",
@@ -47,7 +47,7 @@ def _add_dry_run(commands: Commands) -> None:
 def _add_replay(commands: Commands) -> None:
     p = add_command(
         commands, "replay", "a recorded flight again, as its operator saw it",
-        handler="gcs.replay:main",
+        handler="gcs.replay.play:main",
         more="Nothing is sent anywhere.",
         examples=(
             "gcs replay out/run",
@@ -64,7 +64,7 @@ def _add_replay(commands: Commands) -> None:
 def _add_report(commands: Commands) -> None:
     p = add_command(
         commands, "report", "what a recorded flight came to",
-        handler="gcs.report:main",
+        handler="gcs.report.make:main",
         examples=("gcs report out/run", "gcs report out/demo --json"),
     )  # fmt: skip
     p.add_argument("flight", metavar="FLIGHT", help="the folder of the flight, as out/run")

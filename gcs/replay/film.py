@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from gcs.dryrun_output import MAX_REPEATS
-from gcs.dryrun_record import ANNOTATED
+from gcs.dryrun.output import MAX_REPEATS
+from gcs.dryrun.record import ANNOTATED
 from gcs.errors import VideoError
 from gcs.flight_record import VIDEO
 from gcs.video import VideoSource, open_source

@@ -1,4 +1,4 @@
-"""What a recorded flight came to, as figures; filled by `gcs.report_tally` in one pass over its messages."""
+"""What a recorded flight came to, as figures; filled by `gcs.report.tally` in one pass over its messages."""
 
 from __future__ import annotations
 

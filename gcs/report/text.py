@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from gcs.report_figures import Event, Report
+from gcs.report.figures import Event, Report
 
 _WIDTH: Final = 100
 _MOST_EVENTS: Final = 24

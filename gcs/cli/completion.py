@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import shtab
 
-from gcs.cli import build_parser
+from gcs.cli.entry import build_parser
 from gcs.profiles import profile_names
 from sitl_mocks import scenario, sequences
 

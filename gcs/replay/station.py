@@ -20,8 +20,8 @@ from gcs.link_meters import LinkFigures
 from gcs.map_paths import MapPaths
 from gcs.operator.orders import Order
 from gcs.operator.station import Scene
-from gcs.replay_log import FrameRow, TickRow
-from gcs.replay_player import Moment
+from gcs.replay.log import FrameRow, TickRow
+from gcs.replay.player import Moment
 from gcs.tick import Tick
 from gcs.video import Frame
 from gcs.video.frame import Image

@@ -10,12 +10,12 @@ from control.estimator import TargetEstimator
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
-from gcs.dryrun import Options, first_box
-from gcs.dryrun_flight import DryRunFlight
-from gcs.dryrun_output import Summary, prepare_folder
-from gcs.dryrun_pace import PacedSource, Place
-from gcs.dryrun_record import DryRunRecord
-from gcs.dryrun_station import DryRunStation
+from gcs.dryrun.batch import Options, first_box
+from gcs.dryrun.flight import DryRunFlight
+from gcs.dryrun.output import Summary, prepare_folder
+from gcs.dryrun.pace import PacedSource, Place
+from gcs.dryrun.record import DryRunRecord
+from gcs.dryrun.station import DryRunStation
 from gcs.errors import GcsError
 from gcs.operator.config import MavlinkCameraConfig, VideoOutConfig
 from gcs.operator.displays import Displays

@@ -1,0 +1,1 @@
+"""A recorded flight again, in the page or as lines."""

@@ -1,0 +1,1 @@
+"""What a recorded flight came to."""
