@@ -12,8 +12,8 @@ from pathlib import Path
 import msgspec
 
 from control.attitude import AttitudeBuffer, wrap_pi
+from gcs.dryrun.rehearsal import Pose
 from gcs.errors import GcsError, one_line
-from gcs.rehearsal import Pose
 
 Vec3 = tuple[float, float, float]
 

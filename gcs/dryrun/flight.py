@@ -20,6 +20,7 @@ from control.types import VehicleState
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.dryrun.pace import FilmFrame, PacedSource, Place
+from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, Pose
 from gcs.dryrun.vehicle import ImaginedVehicle, NoVehicle
 from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_record import Film
@@ -30,7 +31,6 @@ from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import LinkHealth
 from gcs.next import Next
 from gcs.poses import RecordedPoses
-from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 

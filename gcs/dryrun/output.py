@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from control.engagement import State
 from control.gate_limits import TICK_S
+from gcs.dryrun.rehearsal import Tick
 from gcs.errors import GcsError
-from gcs.rehearsal import Tick
 from gcs.video.frame import Image
 from tracker.eval.ope import score
 

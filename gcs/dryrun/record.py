@@ -12,11 +12,11 @@ from gcs.audit import Audit
 from gcs.config import RecorderConfig
 from gcs.dryrun.output import Summary, Tally, prepare_folder, write_results
 from gcs.dryrun.pace import FilmFrame
+from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, WouldBe
+from gcs.dryrun.rehearsal import Tick as Rehearsed
 from gcs.flight_record import FlightRecorder
 from gcs.flight_video import FlightVideo
 from gcs.flight_view import Sighting, overlay
-from gcs.rehearsal import ASSUMED_DISTANCE_M, WouldBe
-from gcs.rehearsal import Tick as Rehearsed
 from gcs.tick import Tick
 
 ANNOTATED = "annotated.mp4"

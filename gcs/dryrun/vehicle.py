@@ -6,8 +6,8 @@ from typing import NoReturn
 
 from control.engagement import Action
 from control.types import VehicleMode, VehicleState
+from gcs.dryrun.rehearsal import Pose
 from gcs.flight_orders import RefusedError
-from gcs.rehearsal import Pose
 
 
 class ImaginedVehicle:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from control.engagement import State
+from gcs.dryrun.rehearsal import Tick, View
 from gcs.hud import Overlay, Tone
-from gcs.rehearsal import Tick, View
 from tracker.box import TrackResult
 
 

@@ -21,7 +21,7 @@ from gcs.operator.camera.definition import definition
 from gcs.operator.camera.intake import ALL_STRANGE, KNOWN, STRANGE, Intake
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
-from gcs.operator.camera.params import parameters
+from gcs.operator.camera.parameter_types import parameters
 from gcs.operator.camera.setup import CameraSetup, free_component_id
 from gcs.operator.lease import LEASE_S, Lease
 from gcs.operator.orders import Abort, Confirm, Deselect, Select, SelectPoint, SetMode

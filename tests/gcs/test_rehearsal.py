@@ -9,7 +9,7 @@ from control.camera import CameraModel
 from control.engagement import State
 from control.types import Reason
 from gcs.config import Config, FollowChoice, FollowConfig
-from gcs.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick
+from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick
 from tracker.box import Box, TrackResult
 
 CAMERA = CameraModel.from_hfov(640, 480, math.radians(70))

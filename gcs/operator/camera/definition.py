@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 from xml.etree import ElementTree
 
-from gcs.operator.camera.params import Kind, Parameter
+from gcs.operator.camera.parameter_types import Kind, Parameter
 
 if TYPE_CHECKING:
     from aiohttp import web

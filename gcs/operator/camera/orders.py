@@ -16,7 +16,7 @@ from gcs.operator.camera import commands, messages
 from gcs.operator.camera.clients import Client
 from gcs.operator.camera.commands import Command
 from gcs.operator.camera.messages import Result
-from gcs.operator.camera.params import Told, ack_message
+from gcs.operator.camera.parameter_types import Told, ack_message
 from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.lease import Lease
 from gcs.operator.orders import Abort, Confirm, Deselect, Order, Select, SelectPoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gcs.framing import Message
 from gcs.operator.camera.clients import Client
 from gcs.operator.camera.orders import Answer, SetParameter
-from gcs.operator.camera.params import (
+from gcs.operator.camera.parameter_types import (
     InvalidValueError,
     Parameter,
     Told,

@@ -19,7 +19,7 @@ from gcs.operator.camera.facts import Where
 from gcs.operator.camera.intake import Intake
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
-from gcs.operator.camera.params import parameters
+from gcs.operator.camera.parameter_types import parameters
 from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.lease import Lease
 from gcs.operator.station import Station

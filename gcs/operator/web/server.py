@@ -17,10 +17,11 @@ from gcs.errors import PageError, one_line
 from gcs.operator.addresses import bound_socket, reachable_url
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
-from gcs.operator.web import access, webrtc
+from gcs.operator.web import webrtc
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.connections import Connection, Connections
 from gcs.operator.web.guard import Guard
+from gcs.operator.web.middleware import add_headers, make_open, middleware
 from gcs.operator.web.mjpeg import MjpegStream
 from gcs.operator.web.protocol import Asked, Ping
 from gcs.operator.web.report_types import Starting, Welcome
@@ -148,9 +149,9 @@ class Page:
 
     def _app(self, routes: tuple[web.AbstractRouteDef, ...]) -> web.Application:
         app = web.Application(
-            middlewares=[access.middleware(self.guard, self._clock, self._connections)], client_max_size=_BODY_BYTES
+            middlewares=[middleware(self.guard, self._clock, self._connections)], client_max_size=_BODY_BYTES
         )
-        app.on_response_prepare.append(access.add_headers)
+        app.on_response_prepare.append(add_headers)
         app.add_routes(
             [
                 web.get("/", self._index),
@@ -164,7 +165,7 @@ class Page:
             ]
         )
         for resource_route in app.add_routes(routes):
-            access.make_open(app, resource_route)
+            make_open(app, resource_route)
         return app
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
@@ -223,7 +224,7 @@ class Page:
 
     async def _handle(self, viewer: Viewer, asked: Asked) -> None:
         if self._stage is not None:
-            await self._stage.desk.handle(viewer, asked)
+            await self._stage.orders.handle(viewer, asked)
         elif isinstance(asked, Ping):
             viewer.answer(asked, True, "")
         else:
@@ -254,7 +255,7 @@ class Page:
         return web.Response(body=self._stage.feed.status().encode(), content_type="application/json")
 
     async def _abort(self, request: web.Request) -> web.StreamResponse:
-        ok, text = await self._present().desk.abort(f"page at {request.remote}")
+        ok, text = await self._present().orders.abort(f"page at {request.remote}")
         return web.json_response({"ok": ok, "text": text}, status=200 if ok else 409)
 
     async def _webrtc(self, request: web.Request) -> web.StreamResponse:

@@ -1,4 +1,4 @@
-"""What the page has while a station is attached: the feed to the audience, the desk for its orders, the pictures."""
+"""What the page has while a station is attached: the feed to the audience, the orders of those who look, the pictures."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gcs.operator.lease import Lease
 from gcs.operator.station import Station
 from gcs.operator.web import webrtc
 from gcs.operator.web.audience import Audience
-from gcs.operator.web.desk import Desk
 from gcs.operator.web.feed import Feed
+from gcs.operator.web.orders import Orders
 from gcs.operator.web.pictures import Picture, Pictures
 from gcs.operator.web.viewer import Viewer
 from gcs.video_out.peers import Peers
@@ -49,7 +49,7 @@ class Stage:
         self.feed = Feed(station, audience, self._pictures, lease, clock)
         self._lease, self._clock, self._told = lease, clock, told
         self._attendance = Attendance(config.abandoned_s)
-        self.desk = Desk(station, lease, clock, told, self.feed.tell_status, self._attendance)
+        self.orders = Orders(station, lease, clock, told, self.feed.tell_status, self._attendance)
         self._unwatch = station.watch(self.feed)
         loop = asyncio.get_running_loop()
         self._running = loop.create_task(self.feed.run()), loop.create_task(self._attend())
@@ -60,7 +60,7 @@ class Stage:
         self._unwatch()
         for task in self._running:
             task.cancel()
-        self.desk.close()
+        self.orders.close()
         self._pictures.close()
 
     async def close_peers(self) -> None:
@@ -84,7 +84,7 @@ class Stage:
             left_s = self._attendance.left_s(self._clock.now_s())
             self._told(None, "page", f"nobody is at the page: the follow ends in {left_s:.0f} s")
         elif absence is Absence.TOO_LONG:
-            ok, text = await self.desk.abort("page")
+            ok, text = await self.orders.abort("page")
             if before is not Absence.TOO_LONG:
                 outcome = "stopped and holding" if ok else text
                 self._told(None, "page", f"nobody is at the page any more: {outcome}")

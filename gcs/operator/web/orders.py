@@ -9,9 +9,9 @@ from typing import Final
 
 from gcs.clock import Clock
 from gcs.errors import GcsError
-from gcs.operator import orders
 from gcs.operator.attendance import Attendance
 from gcs.operator.lease import Lease
+from gcs.operator.orders import Abort, Confirm, Order
 from gcs.operator.station import Station
 from gcs.operator.web import protocol as ask
 from gcs.operator.web.translate import order_of
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 Told = Callable[[Viewer | None, str, str], None]  # who (None: by no WebSocket), the name, and what was done
 
 
-class Desk:
+class Orders:
     """For as long as a station is attached. told: of each order that was carried out; changed: of the lease."""
 
     def __init__(
@@ -43,7 +43,7 @@ class Desk:
         """Returns at once: an order that takes its time is a task of its own, so that an abort never waits for it."""
         match asked:
             case ask.Abort():
-                await self._perform(viewer, asked, orders.Abort())
+                await self._perform(viewer, asked, Abort())
             case ask.Ping():
                 self._lease.renew(viewer.name, self._clock.now_s())
                 viewer.answer(asked, True, "")
@@ -72,7 +72,7 @@ class Desk:
 
     async def abort(self, name: str) -> tuple[bool, str]:
         """Of somebody without a WebSocket: whether it was done, and the answer."""
-        text, ok = await self._performed(name, orders.Abort())
+        text, ok = await self._performed(name, Abort())
         if ok:
             self._told(None, name, text)
         self._changed()
@@ -125,17 +125,17 @@ class Desk:
         viewer.pending -= 1
         self._tasks.discard(task)
 
-    async def _perform(self, viewer: Viewer, asked: ask.Asked, order: orders.Order) -> None:
+    async def _perform(self, viewer: Viewer, asked: ask.Asked, order: Order) -> None:
         text, ok = await self._performed(viewer.name, order)
-        refused = isinstance(order, orders.Confirm) and not ok
+        refused = isinstance(order, Confirm) and not ok
         viewer.answer(asked, ok, text, self._station.refusals() if refused else ())
         if ok:
             self._told(viewer, viewer.name, text)
-            if isinstance(order, orders.Confirm):
+            if isinstance(order, Confirm):
                 self._attendance.took(self._clock.now_s())
         self._changed()
 
-    async def _performed(self, name: str, order: orders.Order) -> tuple[str, bool]:
+    async def _performed(self, name: str, order: Order) -> tuple[str, bool]:
         try:
             return await self._station.perform(order), True
         except (GcsError, ValueError) as error:
