@@ -1,4 +1,4 @@
-"""What the page has while a station is attached: the feed to the audience, the orders of those who look, the pictures."""
+"""What the page has while a station is attached: feed and pictures for the audience, and what it orders."""
 
 from __future__ import annotations
 
