@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from gcs.errors import VideoError
 from gcs.video import pyav
@@ -38,6 +39,7 @@ def open_source(
         _check_file(Path(address))
         opener = lambda: _open_stream(address)  # noqa: E731
     elif scheme.group(1).lower() in STREAM_SCHEMES:
+        _check_address(address)
         opener = lambda: _open_stream(address)  # noqa: E731
     else:
         known = ", ".join(sorted(STREAM_SCHEMES))
@@ -58,6 +60,15 @@ def _open_recorded(path: Path, fps: float | None) -> VideoSource:
             return RecordedSource(str(path), pyav.AvDecoder(str(path), live=False))
         except VideoError as said:
             raise said if "holds no video" in str(said) else error from None
+
+
+def _check_address(address: str) -> None:
+    """VideoError for a port that is none: FFmpeg would take another and wait there. RTP's own check says more."""
+    try:
+        parts = urlsplit(address)
+        _ = parts.scheme == "rtp" or parts.port
+    except ValueError as error:
+        raise VideoError(f"{redact(address)}: no such address: {str(error).lower()}") from None
 
 
 def _check_file(path: Path) -> None:

@@ -126,7 +126,7 @@ def test_bad_input_is_one_line_each(tmp_path: Path, capsys: pytest.CaptureFixtur
         ("dry-run", "nowhere.mp4", *box): "nowhere.mp4: no such file",
         ("dry-run", str(words), *box): "words.mp4: not a video",
         ("dry-run", str(empty), *box): "no images",
-        ("dry-run", "udp://127.0.0.1:99999", *box): "udp://127.0.0.1:99999",
+        ("dry-run", "udp://127.0.0.1:99999", *box): "udp://127.0.0.1:99999: no such address: port out of range",
         ("dry-run", "rtsp://127.0.0.1:1/x", *box): "rtsp://127.0.0.1:1/x",
         ("dry-run", clip, "--box", "1,2,3"): "must be x,y,w,h",
         ("dry-run", clip, "--box", "1,2,3,4"): "under 10 px",
