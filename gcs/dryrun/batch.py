@@ -217,29 +217,16 @@ class _DryRun:
             self._video.close()
 
     def _summary(self, box: Box, truth: Truth | None, problem: str | None) -> Summary:
-        tally = self._tally
-        wall_s = time.perf_counter() - self._start_s
-        median_ms, p95_ms = tally.track_ms()
-        assumed = ASSUMED_DISTANCE_M if self._rehearsal.distance_was_assumed else None
         notes = [note for note in (self._log.problem, self._video.problem if self._video else None) if note]
-        return Summary(
+        return self._tally.summary(
             video=self._source.name,
             frames=self._frames,
             video_s=self._t_s,
-            wall_s=wall_s,
-            fps=self._frames / wall_s,
-            track_ms_median=median_ms,
-            track_ms_p95=p95_ms,
-            time_lost_s=tally.time_lost_s,
-            would_be_setpoints=sum(tally.reasons.values()),
-            reasons=dict(tally.reasons),
-            max_speed_mps=tally.max_speed_mps,
-            max_yaw_rate_rps=tally.max_yaw_rate_rps,
-            mean_confidence=sum(tally.confidences) / len(tally.confidences),
-            assumed_distance_m=assumed,
+            wall_s=time.perf_counter() - self._start_s,
+            assumed_distance_m=ASSUMED_DISTANCE_M if self._rehearsal.distance_was_assumed else None,
             first_box_xywh=box.xywh,
-            accuracy=accuracy_of(tally.boxes_xywh, truth),
-            out=str(self._out),
+            accuracy=accuracy_of(self._tally.boxes_xywh, truth),
+            out=self._out,
             problem=problem,
             notes=tuple(notes),
         )

@@ -112,6 +112,44 @@ class Tally:
         ordered = sorted(self.track_s)
         return statistics.median(ordered) * 1e3, ordered[min(len(ordered) - 1, int(0.95 * len(ordered)))] * 1e3
 
+    def summary(
+        self,
+        *,
+        video: str,
+        frames: int,
+        video_s: float,
+        wall_s: float,
+        assumed_distance_m: float | None,
+        first_box_xywh: tuple[float, float, float, float],
+        out: Path,
+        problem: str | None,
+        notes: tuple[str, ...],
+        accuracy: Accuracy | None = None,
+    ) -> Summary:
+        """With what was counted here."""
+        median_ms, p95_ms = self.track_ms()
+        return Summary(
+            video=video,
+            frames=frames,
+            video_s=video_s,
+            wall_s=wall_s,
+            fps=frames / wall_s,
+            track_ms_median=median_ms,
+            track_ms_p95=p95_ms,
+            time_lost_s=self.time_lost_s,
+            would_be_setpoints=sum(self.reasons.values()),
+            reasons=dict(self.reasons),
+            max_speed_mps=self.max_speed_mps,
+            max_yaw_rate_rps=self.max_yaw_rate_rps,
+            mean_confidence=sum(self.confidences) / max(len(self.confidences), 1),
+            assumed_distance_m=assumed_distance_m,
+            first_box_xywh=first_box_xywh,
+            accuracy=accuracy,
+            out=str(out),
+            problem=problem,
+            notes=notes,
+        )
+
 
 class AnnotatedVideo:
     """An mp4 on the frames' own time: a pause repeats a picture. A disk fault ends it, never the run."""

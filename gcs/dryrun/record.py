@@ -101,28 +101,15 @@ class DryRunRecord:
         return summary
 
     def _summary(self, problem: str | None, notes: tuple[str, ...]) -> Summary:
-        tally = self._tally
-        wall_s = time.perf_counter() - self._start_s
-        median_ms, p95_ms = tally.track_ms()
         first = next((box for _, box in sorted(self._boxes.items()) if not math.isnan(box[0])), _NOT_SEEN)
-        return Summary(
+        return self._tally.summary(
             video=self._name,
             frames=self._frames,
             video_s=self._last_s - self._first_s if self._frames else 0.0,
-            wall_s=wall_s,
-            fps=self._frames / wall_s,
-            track_ms_median=median_ms,
-            track_ms_p95=p95_ms,
-            time_lost_s=tally.time_lost_s,
-            would_be_setpoints=sum(tally.reasons.values()),
-            reasons=dict(tally.reasons),
-            max_speed_mps=tally.max_speed_mps,
-            max_yaw_rate_rps=tally.max_yaw_rate_rps,
-            mean_confidence=sum(tally.confidences) / max(len(tally.confidences), 1),
+            wall_s=time.perf_counter() - self._start_s,
             assumed_distance_m=self._assumed_distance_m,
             first_box_xywh=first,
-            accuracy=None,
-            out=str(self._out),
+            out=self._out,
             problem=problem,
             notes=notes,
         )

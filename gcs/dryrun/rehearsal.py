@@ -48,6 +48,26 @@ class Pose:
     velocity_ned_mps: Vec3 = (0.0, 0.0, 0.0)
     height_m: float | None = None
 
+    def vehicle(self, now_s: float, mode: VehicleMode, height_m: float) -> VehicleState:
+        """A vehicle that is there, armed and in the air, at height_m where none was recorded; all it says is fresh."""
+        roll_rad, pitch_rad, yaw_rad = self.attitude_rpy_rad
+        return VehicleState(
+            heartbeat_t_s=now_s,
+            mode=mode,
+            mode_t_s=now_s,
+            armed=True,
+            in_air=True,
+            attitude_t_s=now_s,
+            roll_rad=roll_rad,
+            pitch_rad=pitch_rad,
+            yaw_rad=yaw_rad,
+            yaw_rate_rps=self.yaw_rate_rps,
+            position_t_s=now_s,
+            position_ned_m=self.position_ned_m,
+            velocity_ned_mps=self.velocity_ned_mps,
+            height_m=height_m if self.height_m is None else self.height_m,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class WouldBe:
@@ -229,25 +249,8 @@ class Rehearsal:
 
     def _vehicle(self, now_s: float) -> VehicleState:
         """The imagined vehicle: everything it says is fresh, it is ours, and it is where it was recorded."""
-        roll_rad, pitch_rad, yaw_rad = self._pose.attitude_rpy_rad
-        height_m = self._pose.height_m
-        return VehicleState(
-            heartbeat_t_s=now_s,
-            mode=VehicleMode.EXTERNAL,
-            mode_t_s=now_s,
-            armed=True,
-            in_air=True,
-            attitude_t_s=now_s,
-            roll_rad=roll_rad,
-            pitch_rad=pitch_rad,
-            yaw_rad=yaw_rad,
-            yaw_rate_rps=self._pose.yaw_rate_rps,
-            position_t_s=now_s,
-            position_ned_m=self._pose.position_ned_m,
-            velocity_ned_mps=self._pose.velocity_ned_mps,
-            height_m=self._config.vehicle.takeoff_height_m if height_m is None else height_m,
-            battery_frac=1.0,
-        )
+        state = self._pose.vehicle(now_s, VehicleMode.EXTERNAL, self._config.vehicle.takeoff_height_m)
+        return replace(state, battery_frac=1.0)
 
     def _predicted_box(self, target: TargetState | None, like: Box) -> Box | None:
         if target is None:

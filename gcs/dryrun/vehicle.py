@@ -27,24 +27,7 @@ class ImaginedVehicle:
 
     def state(self, now_s: float) -> VehicleState:
         """Everything it says is fresh; of its battery it says nothing."""
-        pose = self.pose
-        roll_rad, pitch_rad, yaw_rad = pose.attitude_rpy_rad
-        return VehicleState(
-            heartbeat_t_s=now_s,
-            mode=self._mode,
-            mode_t_s=now_s,
-            armed=True,
-            in_air=True,
-            attitude_t_s=now_s,
-            roll_rad=roll_rad,
-            pitch_rad=pitch_rad,
-            yaw_rad=yaw_rad,
-            yaw_rate_rps=pose.yaw_rate_rps,
-            position_t_s=now_s,
-            position_ned_m=pose.position_ned_m,
-            velocity_ned_mps=pose.velocity_ned_mps,
-            height_m=self._height_m if pose.height_m is None else pose.height_m,
-        )
+        return self.pose.vehicle(now_s, self._mode, self._height_m)
 
 
 class NoVehicle:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 
 import pytest
@@ -14,13 +13,8 @@ from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
 from gcs.lockstep.world import World
 from gcs.operator.orders import Confirm, Select, parse_order
-from gcs.scenarios.actors import straight
-from gcs.scenarios.catalogue import Scenario
-from gcs.scenarios.conditions import Conditions
-from gcs.scenarios.run import _eyes, _setup, _true_box
 from gcs.scenarios.stage import Stage
-
-STANDING = Scenario("standing", "it stands", straight(((0.0, 0.0),)))
+from tests.gcs.standing_rig import standing
 
 
 def _seen_from_target(world: World, stage: Stage) -> tuple[float, float]:
@@ -32,25 +26,16 @@ def _seen_from_target(world: World, stage: Stage) -> tuple[float, float]:
 
 
 async def _story(loop: LockstepLoop) -> None:
-    stage = Stage(STANDING.build(1), 0.0, ())
-    conditions = Conditions()
-    world = World(loop, _setup(STANDING, conditions), stage, _eyes(STANDING, conditions, stage))
-    orders = Orders(world.flight)
+    async with standing(loop) as flown:
+        world, stage = flown.world, flown.stage
+        orders = Orders(world.flight)
 
-    async def say(line: str) -> str:
-        return await orders.perform(parse_order(line))
+        async def say(line: str) -> str:
+            return await orders.perform(parse_order(line))
 
-    async def fly() -> None:
-        await world.wire.wait_vehicle(1.0)
-        await world.flight.run()
-
-    tasks = [loop.create_task(world.run()), loop.create_task(fly())]
-    try:
-        await world.wire.wait_vehicle(1.0)
-        await asyncio.sleep(1.0)
         with pytest.raises(RefusedError, match="only while a target is followed and seen"):
             await say("approach")
-        await orders.perform(Select(_true_box(world, stage)))
+        await orders.perform(Select(flown.true_box()))
         await asyncio.sleep(0.6)
         world.monitor.operator_confirms(loop.time())
         await orders.perform(Confirm())
@@ -83,11 +68,6 @@ async def _story(loop: LockstepLoop) -> None:
         assert confirmation is not None
         assert confirmation.mode is FollowMode.SPOTLIGHT
         assert not world.monitor.summary()["unsafe"]
-    finally:
-        for task in tasks:
-            task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def test_mode_and_standoff_are_changed_while_following() -> None:

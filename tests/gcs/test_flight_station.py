@@ -17,16 +17,9 @@ from gcs.flight_station import FlightStation
 from gcs.flight_view import Sighting
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import World
 from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, SelectCandidate, SetMode
-from gcs.scenarios.actors import straight
-from gcs.scenarios.catalogue import Scenario
-from gcs.scenarios.conditions import Conditions
-from gcs.scenarios.run import _eyes, _setup, _true_box
-from gcs.scenarios.stage import Stage
 from tests.gcs.fake_station import Quiet
-
-STANDING = Scenario("standing", "it stands", straight(((0.0, 0.0),)))
+from tests.gcs.standing_rig import Standing, standing
 
 
 class Watching(Quiet):
@@ -38,30 +31,15 @@ class Watching(Quiet):
 
 
 async def _story(loop: LockstepLoop) -> None:
-    stage = Stage(STANDING.build(1), 0.0, ())
-    conditions = Conditions()
-    world = World(loop, _setup(STANDING, conditions), stage, _eyes(STANDING, conditions, stage))
-    station = FlightStation(world.flight, "SIM")
-
-    async def fly() -> None:
-        await world.wire.wait_vehicle(1.0)
-        await world.flight.run()
-
-    tasks = [loop.create_task(world.run()), loop.create_task(fly())]
-    try:
-        await world.wire.wait_vehicle(1.0)
-        await asyncio.sleep(1.0)
-        await _look_and_select(world, station, stage)
-        await _follow_and_abort(world, station, stage)
-    finally:
-        world.flight.stop()
-        await tasks[1]
-        tasks[0].cancel()
-        await asyncio.wait(tasks)
+    async with standing(loop) as flown:
+        station = FlightStation(flown.world.flight, "SIM")
+        await _look_and_select(flown, station)
+        await _follow_and_abort(flown, station)
         station.close()
 
 
-async def _look_and_select(world: World, station: FlightStation, stage: Stage) -> None:
+async def _look_and_select(flown: Standing, station: FlightStation) -> None:
+    world = flown.world
     assert station.watermark == "SIM"
     assert station.size == (640, 480)
     assert station.hfov_rad == pytest.approx(world.flight.config.camera.hfov_deg * math.pi / 180, abs=0.02)
@@ -69,7 +47,7 @@ async def _look_and_select(world: World, station: FlightStation, stage: Stage) -
     end = station.watch(watching)
     with pytest.raises(SelectionError, match="no candidate 4"):
         await station.perform(SelectCandidate(4))
-    station._orders._candidates = lambda: (Candidate(4, _true_box(world, stage)),)
+    station._orders._candidates = lambda: (Candidate(4, flown.true_box()),)
     assert (await station.perform(SelectCandidate(4))).startswith("selected")
     await asyncio.sleep(0.5)
     assert station.status().state is State.SELECTED
@@ -80,7 +58,7 @@ async def _look_and_select(world: World, station: FlightStation, stage: Stage) -
     assert station.status().selection == 0
     assert watching.seen
     begun_s = asyncio.get_running_loop().time()
-    boxes = (_true_box(world, stage), _true_box(world, stage))
+    boxes = (flown.true_box(), flown.true_box())
     first, second = await asyncio.gather(*(station.perform(Select(box)) for box in boxes))  # as nudging does
     assert (first, second.split()[0]) == ("another selection came right after it", "selected")
     assert asyncio.get_running_loop().time() < begun_s + 1.0
@@ -91,7 +69,8 @@ async def _look_and_select(world: World, station: FlightStation, stage: Stage) -
     assert len(watching.seen) == count
 
 
-async def _follow_and_abort(world: World, station: FlightStation, stage: Stage) -> None:
+async def _follow_and_abort(flown: Standing, station: FlightStation) -> None:
+    world = flown.world
     with pytest.raises(RefusedError, match="no film"):
         await station.perform(Record())
     world.flight.film = Film()
@@ -101,7 +80,7 @@ async def _follow_and_abort(world: World, station: FlightStation, stage: Stage) 
     assert station.status().recording is True
     assert station.refusals()
     await station.perform(SetMode(FollowMode.SPOTLIGHT))
-    await station.perform(Select(_true_box(world, stage), station.frames.newest))
+    await station.perform(Select(flown.true_box(), station.frames.newest))
     await asyncio.sleep(1.0)
     assert station.refusals() == ()
     world.monitor.operator_confirms(asyncio.get_running_loop().time())
@@ -111,7 +90,7 @@ async def _follow_and_abort(world: World, station: FlightStation, stage: Stage) 
     await asyncio.sleep(4.0)
     status, scene = station.status(), station.scene()
     assert (status.state, status.follow_mode, status.is_engaged) == (State.FOLLOWING, FollowMode.SPOTLIGHT, True)
-    assert scene.target_m == pytest.approx(stage.position_ned_m[:2], abs=3.0)
+    assert scene.target_m == pytest.approx(flown.stage.position_ned_m[:2], abs=3.0)
     assert scene.vehicle_m is not None
     assert scene.fence is not None
     assert len(scene.vehicle_path_m) >= 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import struct
 
 import pytest
@@ -14,30 +15,23 @@ from gcs.flight_station import FlightStation
 from gcs.framing import dialect
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import World
 from gcs.operator.camera.component import CameraComponent
 from gcs.operator.camera.messages import Result
 from gcs.operator.camera.orders import Ask, Problem
 from gcs.operator.camera.setup import CameraSetup
 from gcs.operator.lease import Lease
-from gcs.scenarios.actors import straight
-from gcs.scenarios.catalogue import Scenario
-from gcs.scenarios.conditions import Conditions
-from gcs.scenarios.run import _eyes, _setup, _true_box
-from gcs.scenarios.stage import Stage
-
-STANDING = Scenario("standing", "it stands", straight(((0.0, 0.0),)))
+from tests.gcs.standing_rig import Standing, standing
 
 
 class Client:
     """A ground station without sockets."""
 
-    def __init__(self, world: World, station: FlightStation, stage: Stage) -> None:
-        self.world, self.station, self.stage = world, station, stage
-        clock = world.flight.clock
+    def __init__(self, flown: Standing, station: FlightStation) -> None:
+        self.flown, self.world, self.station = flown, flown.world, station
+        clock = self.world.flight.clock
         self.component = CameraComponent(
             CameraSetup(1, may_follow=True, display_delay_s=0.2), station, Lease(), clock.now_s(),
-            lambda: place_of(world.flight),
+            lambda: place_of(self.world.flight),
         )  # fmt: skip
         station.watch(self.component.view)
         self._mav = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -70,32 +64,15 @@ class Client:
 
     async def track(self):
         width, height = self.station.size
-        x, y, w, h = _true_box(self.world, self.stage).xywh
+        x, y, w, h = self.flown.true_box().xywh
         said = await self.command(2005, x / width, y / height, (x + w) / width, (y + h) / height)
         assert [message.result for message in said if message.get_type() == "COMMAND_ACK"] == [0]
 
 
 async def _story(loop: LockstepLoop) -> None:
-    stage = Stage(STANDING.build(1), 0.0, ())
-    conditions = Conditions()
-    world = World(loop, _setup(STANDING, conditions), stage, _eyes(STANDING, conditions, stage))
-    station = FlightStation(world.flight, "SIM")
-
-    async def fly() -> None:
-        await world.wire.wait_vehicle(1.0)
-        await world.flight.run()
-
-    tasks = [loop.create_task(world.run()), loop.create_task(fly())]
-    try:
-        await world.wire.wait_vehicle(1.0)
-        await asyncio.sleep(1.0)
-        await _select_follow_abort(Client(world, station, stage))
-    finally:
-        world.flight.stop()
-        await tasks[1]
-        tasks[0].cancel()
-        await asyncio.wait(tasks)
-        station.close()
+    async with standing(loop) as flown:
+        with contextlib.closing(FlightStation(flown.world.flight, "SIM")) as station:
+            await _select_follow_abort(Client(flown, station))
 
 
 async def _select_follow_abort(client: Client) -> None:
@@ -107,7 +84,7 @@ async def _select_follow_abort(client: Client) -> None:
     assert status.tracking_status in (1, 9)
     assert status.tracking_mode == 2
     width, height = station.size
-    truth = _true_box(world, client.stage)
+    truth = client.flown.true_box()
     assert (status.rec_top_x + status.rec_bottom_x) / 2 * width == pytest.approx(truth.cx_px, abs=truth.w_px)
     assert (status.rec_top_y + status.rec_bottom_y) / 2 * height == pytest.approx(truth.cy_px, abs=truth.h_px)
 
@@ -120,7 +97,7 @@ async def _select_follow_abort(client: Client) -> None:
     assert geo.dist > 3.0
     home = world.flight.link.telemetry.home
     north_east = offset_from_m((geo.lat / 1e7, geo.lon / 1e7), (home.latitude_deg, home.longitude_deg))
-    assert north_east == pytest.approx(client.stage.position_ned_m[:2], abs=3.0)
+    assert north_east == pytest.approx(client.flown.stage.position_ned_m[:2], abs=3.0)
     assert geo.alt == pytest.approx(home.altitude_m, abs=2.0)
     said = await client.command(2005, 0.1, 0.1, 0.2, 0.2)
     assert said[0].result == 1
