@@ -23,6 +23,8 @@ from sitl_mocks.simulator import Simulator, SimulatorConfig
 from sitl_mocks.vehicle import PREPARED, Mode, Personality
 from tests.gcs.wire_peer import free_port
 
+pytestmark = pytest.mark.alone  # real flights in real time want the machine to themselves
+
 
 @dataclass
 class World:

@@ -18,6 +18,8 @@ from gcs.errors import GcsError
 from gcs.operator.terminal import Screen
 from tests.gcs.blob_tracker import BlobTracker
 
+pytestmark = pytest.mark.alone  # real flights in real time want the machine to themselves
+
 WORLD = {
     "text": "A red car that drives slowly away from a low hover.",
     "height_m": 4,

@@ -36,6 +36,8 @@ from tests.gcs.flight_rig import box_of
 from tests.gcs.wire_peer import free_port
 from tracker.box import Box, TrackResult
 
+pytestmark = pytest.mark.alone  # real flights in real time want the machine to themselves
+
 BOTH = pytest.mark.parametrize("personality", ["px4", "ardupilot"])
 SEEN_HEIGHT_M = 9.0
 

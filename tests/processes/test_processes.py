@@ -9,6 +9,8 @@ import pytest
 from sitl_mocks.vehicle import Personality
 from tests.processes.faults import Fault, blocked_loop, camera_gone, full_disk, killed, stopped
 
+pytestmark = pytest.mark.alone  # real flights in real time want the machine to themselves
+
 _FAULTS = (blocked_loop, stopped, killed, full_disk, camera_gone)
 
 
