@@ -20,14 +20,13 @@ from gcs.errors import GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_camera import run_camera
 from gcs.flight_control import Wanted
-from gcs.flight_record import TLOG, FlightRecorder
 from gcs.flight_station import FlightStation
 from gcs.launch import RunOptions
-from gcs.link_meters import LinkFigures
 from gcs.operator.displays import Displays, stream_url
 from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
+from gcs.recorder.flight_recorder import TLOG, FlightRecorder
 from gcs.signals import signals
 from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
@@ -56,13 +55,14 @@ async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clo
         # Side by side: the one keeps a processor busy, the other mostly waits.
         loading = asyncio.create_task(asyncio.to_thread(_load, config))
         await displays.prepare()
-        async with open_link(options.vehicle, config, clock, folder) as link:
-            displays.say(f"vehicle: {link.telemetry.vehicle}, {security(link.wire.signing, link.wire.vehicle_signs)}")
-            if not loading.done():
-                starting("loading the tracker")
-            tracker = await loading
-            watermark = "SIM" if config.vehicle.simulated else None
-            with recorder(folder, config, source, displays.say, watermark, link.wire.figures) as record:
+        with recorder(folder, config, displays.say) as record:
+            async with open_link(options.vehicle, config, clock, folder, record) as link:
+                vehicle, secured = link.telemetry.vehicle, security(link.wire.signing, link.wire.vehicle_signs)
+                displays.say(f"vehicle: {vehicle}, {secured}")
+                if not loading.done():
+                    starting("loading the tracker")
+                tracker = await loading
+                watermark = "SIM" if config.vehicle.simulated else None
                 flight = make_flight(link, source, tracker, config, clock, displays.say, record)
                 station = FlightStation(flight, watermark)
                 operator = TerminalOperator(station, screen, lease=displays.lease, clock=clock, plain=options.plain)
@@ -105,7 +105,9 @@ def open_live(address: str, config: Config) -> VideoSource:
 
 
 @contextlib.asynccontextmanager
-async def open_link(url: str, config: Config, clock: Clock, folder: Path | None) -> AsyncIterator[Link]:
+async def open_link(
+    url: str, config: Config, clock: Clock, folder: Path | None, record: FlightRecorder | None = None
+) -> AsyncIterator[Link]:
     """The vehicle at this address, heard and with telemetry; closed in order afterwards."""
     tlog = None
     if folder is not None and config.recorder.tlog:
@@ -117,6 +119,9 @@ async def open_link(url: str, config: Config, clock: Clock, folder: Path | None)
         url, clock=clock, tlog=tlog, vehicle_system_id=system_id, signing=signing, backend=config.vehicle.backend
     )
     try:
+        if record is not None:
+            wire.subscribe(record.received)
+            record.figures = wire.figures
         telemetry = Telemetry(wire, clock)
         vehicle = await wire.wait_vehicle(config.vehicle.timeout_s)
         wanted = config.vehicle.autopilot
@@ -137,19 +142,12 @@ def _choice(name: str) -> AutopilotChoice:
 
 
 @contextlib.contextmanager
-def recorder(
-    folder: Path | None,
-    config: Config,
-    source: VideoSource,
-    say: Callable[[str], None],
-    watermark: str | None = None,
-    figures: Callable[[float], LinkFigures] | None = None,
-) -> Iterator[FlightRecorder | None]:
-    """The flight's record, a watcher; None without a folder."""
+def recorder(folder: Path | None, config: Config, say: Callable[[str], None]) -> Iterator[FlightRecorder | None]:
+    """The flight's record; None without a folder."""
     if folder is None:
         yield None
         return
-    record = FlightRecorder(folder, config.recorder, source.size, source.fps, watermark, figures)
+    record = FlightRecorder(folder, config.recorder)
     try:
         yield record
     finally:
@@ -168,7 +166,7 @@ def make_flight(
 ) -> Flight:
     """A flight as configured, not yet running."""
     watchers = () if record is None else (record,)
-    flight = Flight(link, source, tracker, config, clock, say=say, watchers=watchers)
+    flight = Flight(link, source, tracker, config, clock, say=say, watchers=watchers, journal=record)
     flight.film = None if record is None else record.film
     follow = config.follow
     mode = FollowMode(follow.mode.value)

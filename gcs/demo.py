@@ -134,9 +134,9 @@ async def _fly(
     try:
         source = await asyncio.to_thread(open_live, world.video_url, config)
         try:
-            async with open_link(world.vehicle_url, config, clock, world.folder) as link:
-                displays.say(f"vehicle: {link.telemetry.vehicle}")
-                with recorder(world.folder, config, source, displays.say, "SIM", link.wire.figures) as record:
+            with recorder(world.folder, config, displays.say) as record:
+                async with open_link(world.vehicle_url, config, clock, world.folder, record) as link:
+                    displays.say(f"vehicle: {link.telemetry.vehicle}")
                     flight = make_flight(link, source, tracker, config, clock, displays.say, record)
                     operator = DemoOperator(flight, world, clock, displays.say, options.seconds, options.seed or 0)
                     return operator, await _watched(flight, operator, displays, screen)

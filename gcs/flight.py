@@ -27,7 +27,6 @@ from gcs.flight_control import Act, FollowControl, Tick
 from gcs.flight_end import leave
 from gcs.flight_modes import ModeSwitch, Spawn
 from gcs.flight_output import output_of
-from gcs.flight_record import Film
 from gcs.flight_view import (
     Sighting,
     Status,
@@ -45,6 +44,8 @@ from gcs.glass_delay import GlassDelay
 from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
 from gcs.next import Next
+from gcs.recorder.events import Expected, Journal, NoJournal, Refusals, Said
+from gcs.recorder.film import Film
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
@@ -53,6 +54,7 @@ from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
+_REFUSALS_S: Final = 1.0  # how often they are asked for
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
 
 
@@ -79,11 +81,14 @@ class Flight:
         *,
         say: Callable[[str], None],
         watchers: tuple[Watcher, ...] = (),
+        journal: Journal | None = None,
     ) -> None:
+        """journal: where what came from outside is noted, so that the flight can be flown again."""
         self.link = link
         self.config = config
         self.clock = clock
-        self.say = say
+        self.journal: Journal = journal or NoJournal()
+        self._say = say
         self.camera: CameraModel = config.camera_model(*source.size)
         attitude = link.telemetry.attitude
         self.gimbal: Gimbal | None = None
@@ -106,12 +111,14 @@ class Flight:
         self._stopping = asyncio.Event()
         self._ticked: Next[Tick] = Next()
         self._looked: Next[Seen] = Next()
-        self.modes = ModeSwitch(link.modes, say)
+        self.modes = ModeSwitch(link.modes, self.say)
         accepted = config.vehicle.accept_parameters
-        self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, say, self._audited, backend)
+        self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, self.say, self._audited, backend)
         self._rate = FrameRate()
         self._settled_s = clock.now_s() + _SETTLE_S
-        self._announcer = Announcer(link.telemetry, say, clock.now_s())
+        self._announcer = Announcer(link.telemetry, self.say, clock.now_s())
+        self._refusals: tuple[str, ...] = ()
+        self._refusals_due_s = 0.0
 
     # -- running ------------------------------------------------------------------------------------------
 
@@ -156,9 +163,6 @@ class Flight:
             if now_s >= beat_s:
                 self.link.wire.send_heartbeat()
                 beat_s = now_s + _HEARTBEAT_S
-            stamp_ns = self.link.telemetry.round_trip.ask(now_s)
-            if stamp_ns is not None:
-                self.link.wire.send_message(codec.timesync(stamp_ns))
             # After a stall the missed ticks are gone; nothing is made up for.
             due_s = due_s + TICK_S if due_s + TICK_S > now_s else now_s + TICK_S
             await asyncio.sleep(max(due_s - self.clock.now_s(), 0.0))
@@ -182,10 +186,24 @@ class Flight:
         if self._spawn is not None:
             self.modes.act(tick.output.action, tick.inputs.vehicle.mode, self._spawn)
         self._announcer.ticked(tick)
+        stamp_ns = telemetry.round_trip.ask(now_s)
+        if stamp_ns is not None:
+            wire.send_message(codec.timesync(stamp_ns))
         for watcher in self.watchers:
             watcher.ticked(tick)
+        self._note_refusals(tick)
         self._ticked.tell(tick)
         return tick
+
+    def _note_refusals(self, tick: Tick) -> None:
+        """For those who look at the record: once a second, where they have changed."""
+        if tick.t_s < self._refusals_due_s or isinstance(self.journal, NoJournal):
+            return
+        self._refusals_due_s = tick.t_s + _REFUSALS_S
+        refusals = self.control.refusals(tick.t_s, tick.inputs.vehicle)
+        if refusals != self._refusals:
+            self._refusals = refusals
+            self.journal.note(tick.t_s, Refusals(refusals))
 
     async def _leave_gimbal(self) -> None:
         if self.gimbal is not None:
@@ -210,7 +228,7 @@ class Flight:
         self._rate.note(seen.t_done_s)
         if self.watchers:
             predicted = self.predicted_at(seen.frame.t_capture_s, seen.result.box) if seen.result is not None else None
-            sighting = Sighting(seen, self.status(), measurement, predicted)
+            sighting = Sighting(seen, self.status(), measurement, predicted, now_s)
             for watcher in self.watchers:
                 watcher.saw(sighting)
         self._looked.tell(seen)
@@ -224,7 +242,9 @@ class Flight:
         """On the vision thread: where a hidden target should be in a frame; None if the loop is not quick."""
 
         async def ask() -> Box | None:
-            return self.predicted_at(t_capture_s, like)
+            box = self.predicted_at(t_capture_s, like)
+            self.journal.note(self.clock.now_s(), Expected(t_capture_s, like, box), None)
+            return box
 
         if self._loop is None or self._loop.is_closed():
             return None
@@ -236,6 +256,11 @@ class Flight:
             return None
 
     # -- telling ------------------------------------------------------------------------------------------
+
+    def say(self, text: str) -> None:
+        """A line for the operator."""
+        self.journal.note(self.clock.now_s(), Said(text))
+        self._say(text)
 
     async def next_tick(self) -> Tick:
         """The next decision."""

@@ -77,6 +77,7 @@ class FollowControl:
         self.law: Law = follow_request  # another one to measure this one against
         self.audit_ok = True  # False: the vehicle's parameters are not safe, no follow may begin
         self.confirmation: Confirmation | None = None
+        self._changed: Confirmation | None = None
 
     @property
     def is_engaged(self) -> bool:
@@ -102,6 +103,10 @@ class FollowControl:
     def act(self, act: Act) -> None:
         """The operator's act, judged in the next tick."""
         self._acts.add(act)
+
+    def change(self, confirmation: Confirmation) -> None:
+        """The operator wants what is followed to be followed otherwise."""
+        self.confirmation = self._changed = confirmation
 
     def select(self, number: int) -> None:
         """The operator has drawn box `number` (0: none): what was known of a target is forgotten."""
@@ -174,7 +179,11 @@ class FollowControl:
         self._previous = setpoint
         gimbal = self._point(output, target, vehicle, now_s)
         motion, held = self._follow.motion, self.confirmation if self._engaged else None
-        return Tick(now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget, motion, held)
+        changed, self._changed = self._changed, None
+        return Tick(
+            now_s, inputs, output, target, request, setpoint, reason, self.gimbal, gimbal, budget, motion, held,
+            self.wanted, changed,
+        )  # fmt: skip
 
     def _watch(self, now_s: float, vehicle: VehicleState, link: LinkHealth) -> None:
         """What this tick tells about ourselves and the link."""

@@ -36,8 +36,10 @@ from gcs.operator.orders import (
     SetStandoff,
     StepStandoff,
     TakeOff,
+    words_of,
 )
 from gcs.ordered import OrderedFlight
+from gcs.recorder.events import Ordered, Selected
 from gcs.selection import check_box
 
 _SELECT_S: Final = 5.0
@@ -58,6 +60,16 @@ class Orders:
 
     async def perform(self, order: Order) -> str:
         """Do it and answer in one line; GcsError with the reason if it is not done."""
+        flight, t_s = self._flight, self._flight.clock.now_s()
+        try:
+            answer = await self._perform(order)
+        except (GcsError, ValueError) as error:
+            flight.journal.note(t_s, Ordered(words_of(order), str(error), refused=True))
+            raise
+        flight.journal.note(t_s, Ordered(words_of(order), answer))
+        return answer
+
+    async def _perform(self, order: Order) -> str:
         flight, control = self._flight, self._flight.control
         match order:
             case Select():
@@ -115,7 +127,7 @@ class Orders:
         await self._settle()
         box = check_box(order.box, flight.camera.width_px, flight.camera.height_px)
         number = flight.vision.select(box, order.frame)
-        flight.control.select(number)
+        self._target(Selected(number, box, order.frame.seq if order.frame is not None else None, number))
         try:
             async with asyncio.timeout(_SELECT_S):
                 while (seen := await flight.next_seen()).selection != number:
@@ -124,7 +136,7 @@ class Orders:
         except TimeoutError:
             raise SelectionError(f"no picture came within {_SELECT_S:g} s to select in") from None
         if seen.problem is not None:
-            flight.control.select(0)
+            self._target(Selected(0, None, None, 0))
             raise SelectionError(seen.problem)
         x, y, w, h = box.xywh
         return f"selected {w:.0f}x{h:.0f} px at {x:.0f},{y:.0f}; confirm to follow"
@@ -147,10 +159,15 @@ class Orders:
         if flight.control.is_engaged:
             raise RefusedError("a target is being followed: abort first")
         await self._settle()
-        flight.vision.select(None)
-        flight.control.select(0)
+        self._target(Selected(flight.vision.select(None), None, None, 0))
         await flight.next_tick()
         return "nothing is selected"
+
+    def _target(self, selected: Selected) -> None:
+        """Control takes it as its target, or has none any more."""
+        flight = self._flight
+        flight.journal.note(flight.clock.now_s(), selected)
+        flight.control.select(selected.target)
 
     async def _settle(self) -> None:
         """Wait until a hold that was commanded is seen or given up: before that nothing new can begin."""
@@ -234,7 +251,7 @@ class Orders:
                     assert_never(order)
         except ConfirmError as error:
             raise RefusedError(str(error)) from None
-        control.confirmation = changed
+        control.change(changed)
         return _held_line(changed)
 
     def _want(self, order: SetMode | SetStandoff | SetDistance) -> str:

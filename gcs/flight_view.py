@@ -109,12 +109,16 @@ def status_line(status: Status) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """One frame with everything that is known of it; predicted: the filter's box at capture time."""
+    """One frame with everything that is known of it.
+
+    predicted: the filter's box at capture time. t_saw_s: when control was given it; None: it was not in a flight.
+    """
 
     seen: Seen
     status: Status
     measurement: BearingMeasurement | None
     predicted: Box | None
+    t_saw_s: float | None = None
 
 
 class Watcher(Protocol):

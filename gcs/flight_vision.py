@@ -20,9 +20,10 @@ from gcs.tracking import BoxTracker
 from gcs.video import Frame, VideoSource
 from gcs.video.catch_up import CATCH_UP_S, next_frame
 from gcs.video.flow import BackgroundFlow
-from gcs.video.frame import Image
+from gcs.video.frame import Image, fingerprint
 from gcs.video.history import FrameHistory
 from gcs.video.live import LiveSource
+from gcs.vision_tape import Arrival, Tape, Told
 from tracker.box import Box, TrackResult
 
 _READ_S = 0.2
@@ -42,7 +43,8 @@ class Seen:
     selection: which selection it belongs to, counted from 1; 0 = nothing is selected.
     result: None where nothing is tracked, the video stands still, or the tracker failed (`problem`).
     track_s: time the tracker took. t_done_s: when the result was there (monotonic). flow: how the background has
-    moved since the picture before, where that can be told.
+    moved since the picture before, where that can be told. told: see `gcs.vision_tape`; None for a frame that passed by
+    while the tracker caught up with a selection.
     """
 
     frame: Frame
@@ -54,6 +56,8 @@ class Seen:
     problem: str | None = None
     repeated: bool = False  # the same picture as the last: it tells nothing new, whatever the tracker says
     flow: Flow | None = None
+    fingerprint: int | None = None
+    told: Told | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +106,7 @@ class Vision:
         self._background = BackgroundFlow()
         self._source = source
         self._tracker = tracker
-        self._clock = clock
+        self._tape = self._clock = Tape(clock)
         self._deliver = deliver
         self._expect = expect
         self._hidden_like: Box | None = None  # the last box, while the target is hidden
@@ -132,9 +136,13 @@ class Vision:
 
         Only one thread may call it.
         """
-        frame = self._arrived(frame)
+        seen = self._step(self._arrived(frame))
+        return replace(seen, fingerprint=fingerprint(seen.frame.image_bgr), told=self._tape.taken())
+
+    def _step(self, frame: Frame) -> Seen:
         with self._lock:
             asked, self._asked = self._asked, None
+        self._tape.selection = asked.number if asked is not None else 0
         try:
             if asked is not None:
                 frame = self._begin(asked, frame)
@@ -154,7 +162,9 @@ class Vision:
 
     def _arrived(self, frame: Frame) -> Frame:
         """Keep it, with the capture time as we know it."""
-        frame = replace(frame, t_capture_s=frame.t_capture_s - self._correction_s())
+        correction_s = self._correction_s()
+        self._tape.arrived(Arrival(frame.seq, frame.t_capture_s, correction_s))
+        frame = replace(frame, t_capture_s=frame.t_capture_s - correction_s)
         self.frames.add(frame)
         self._frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
         return frame
@@ -189,8 +199,11 @@ class Vision:
         while True:
             newer = self._source.read(0.0) if self._source.is_live else None
             if newer is not None:
-                self._deliver(Seen(frame, 0, None, self._clock.now_s(), frozen=self._frozen))
+                passed = fingerprint(frame.image_bgr)
+                self._deliver(Seen(frame, 0, None, self._clock.now_s(), frozen=self._frozen, fingerprint=passed))
                 frame = self._arrived(newer)
+            else:
+                self._tape.arrived(None)
             left_s = end_s - self._clock.now_s()
             step = next_frame(self.frames.since(last.seq), last.t_arrival_s, self._update_s, left_s)
             if step is None or step.seq >= frame.seq:
@@ -202,7 +215,7 @@ class Vision:
         if not self._tracking:
             return None
         if self._hidden_like is not None and self._expect is not None:
-            expected = self._expect(frame.t_capture_s, self._hidden_like)
+            expected = self._tape.expected = self._expect(frame.t_capture_s, self._hidden_like)
             if expected is not None:
                 self._tracker.look_at(expected.cx_px, expected.cy_px)
         result = self._update(frame)

@@ -9,9 +9,10 @@ from control.types import VehicleState
 from gcs.clock import Clock
 from gcs.config import Config
 from gcs.flight_control import FollowControl
-from gcs.flight_record import Film
 from gcs.flight_view import Status, Watcher
 from gcs.flight_vision import Seen, Vision
+from gcs.recorder.events import Journal
+from gcs.recorder.film import Film
 from gcs.tick import Tick
 
 
@@ -90,6 +91,7 @@ class OrderedFlight(Protocol):
     vision: Vision
     tick: Tick | None
     watchers: tuple[Watcher, ...]
+    journal: Journal
 
     @property
     def link(self) -> OrderedLink: ...

@@ -48,3 +48,5 @@ class Tick:
     budget: Budget | None = None  # of the newest picture, in the first tick that knows of it
     motion: TargetMotion | None = None  # of the target, as the follow law believes it
     held: Confirmation | None = None  # what is being held; None: nobody is followed
+    wanted: Wanted = Wanted()  # what the next confirmation asks for
+    changed: Confirmation | None = None  # by the operator since the last tick: what is to be held instead

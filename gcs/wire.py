@@ -20,8 +20,8 @@ from gcs.errors import VehicleError
 from gcs.framing import Deframer, Encoder, FrameCounters, Message, message_id, split_frames
 from gcs.link_meters import LinkFigures, LossMeter, SlidingSum, WireCounters
 from gcs.pinning import VehiclePin
+from gcs.recorder.tlog import TlogWriter
 from gcs.signing import Signing, is_signed
-from gcs.tlog import TlogWriter
 from gcs.transport import Endpoint, Kind, Peer, Received, Transport, open_transport, parse_url
 
 STALE_S = 0.1  # older than this when it could leave, a frame is dropped: no burst after a stall

@@ -29,8 +29,8 @@ from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick, View
 from gcs.dryrun.view import overlay_of
 from gcs.errors import SelectionError, VideoError
 from gcs.hud import Overlay, draw
-from gcs.messages import MessageLog
 from gcs.poses import RecordedPoses
+from gcs.recorder.message_log import MessageLog
 from gcs.selection import check_box, draw_box
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import Frame, VideoSource, open_source

@@ -23,7 +23,6 @@ from gcs.dryrun.pace import FilmFrame, PacedSource, Place
 from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, Pose
 from gcs.dryrun.vehicle import ImaginedVehicle, NoVehicle
 from gcs.flight_control import Act, FollowControl, Tick
-from gcs.flight_record import Film
 from gcs.flight_view import Sighting, Status, Watcher, make_status, predicted_box
 from gcs.flight_vision import Seen, Vision
 from gcs.frame_rate import FrameRate
@@ -31,6 +30,8 @@ from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import LinkHealth
 from gcs.next import Next
 from gcs.poses import RecordedPoses
+from gcs.recorder.events import Journal, NoJournal
+from gcs.recorder.film import Film
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 
@@ -91,6 +92,7 @@ class DryRunFlight:
         self.tick: Tick | None = None
         self.seen: Seen | None = None
         self.watchers: tuple[Watcher, ...] = ()
+        self.journal: Journal = NoJournal()
         self.place = Place.START if isinstance(source, PacedSource) else Place.PLAYING
         self._source, self._poses, self._went = source, poses, went
         self._budgets, self._rate = BudgetDisplay(), FrameRate()

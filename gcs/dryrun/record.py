@@ -14,9 +14,9 @@ from gcs.dryrun.output import Summary, Tally, prepare_folder, write_results
 from gcs.dryrun.pace import FilmFrame
 from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, WouldBe
 from gcs.dryrun.rehearsal import Tick as Rehearsed
-from gcs.flight_record import FlightRecorder
 from gcs.flight_video import FlightVideo
 from gcs.flight_view import Sighting, overlay
+from gcs.recorder.flight_recorder import FlightRecorder
 from gcs.tick import Tick
 
 ANNOTATED = "annotated.mp4"
@@ -42,7 +42,7 @@ class DryRunRecord:
     ) -> None:
         """assumed: whether the distance confirmed is one that nothing tells. GcsError without a folder."""
         self._out, self._name = prepare_folder(out), video
-        self._messages = FlightRecorder(out, replace(config, video=False), size, fps)
+        self._messages = FlightRecorder(out, config)
         self._film = FlightVideo(out / ANNOTATED, size, fps) if annotate else None
         self._tally = Tally()
         self._boxes: dict[int, tuple[float, float, float, float]] = {}

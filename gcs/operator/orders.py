@@ -189,6 +189,41 @@ def _box(x: str, y: str, w: str, h: str) -> Select:
     return Select(box)
 
 
+def words_of(order: Order) -> str:
+    """The order as `parse_order` takes it."""
+    match order:
+        case Select(box):
+            return line_of(box)
+        case SelectPoint(x_px, y_px):
+            return f"point {x_px:.1f} {y_px:.1f}"
+        case SelectCandidate(number):
+            return f"pick {number}"
+        case SetMode(mode):
+            return f"mode {mode.value}"
+        case SetStandoff(standoff_m):
+            return f"standoff {'now' if standoff_m is None else f'{standoff_m:g}'}"
+        case StepStandoff(by_m):
+            return f"{'retreat' if by_m > 0 else 'approach'} {abs(by_m):g}"
+        case SetDistance(distance_m):
+            return f"distance {'auto' if distance_m is None else f'{distance_m:g}'}"
+        case TakeOff(height_m):
+            return "takeoff" if height_m is None else f"takeoff {height_m:g}"
+        case Accept(name):
+            return f"accept {name}"
+        case Record(on):
+            return "record" if on is None else f"record {'on' if on else 'off'}"
+        case _:
+            return _PLAIN[type(order)]
+
+
+_PLAIN: Final[Mapping[type, str]] = MappingProxyType(
+    {
+        Deselect: "drop", Confirm: "follow", Acknowledge: "ack", Abort: "abort", Hold: "hold", Land: "land",
+        Return: "rtl", Quit: "quit",
+    }
+)  # fmt: skip
+
+
 def line_of(box: Box) -> str:
     """The box as the `box` order takes it."""
     return "box " + " ".join(f"{value:.1f}" for value in box.xywh)

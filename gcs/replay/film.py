@@ -11,11 +11,11 @@ import numpy as np
 from gcs.dryrun.output import MAX_REPEATS
 from gcs.dryrun.record import ANNOTATED
 from gcs.errors import VideoError
-from gcs.flight_record import VIDEO
 from gcs.video import VideoSource, open_source
 from gcs.video.frame import Image
 from tracker.box import Box
 
+VIDEO: Final = "flight.mp4"
 _FPS: Final = 20.0
 _SIZES_PX: Final = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
 _GREY: Final = 90

@@ -10,16 +10,19 @@ from typing import Any, Final
 import msgspec
 
 from control.engagement import Inputs, Output
-from control.gimbal import GimbalState
+from control.gimbal import GimbalRequest, GimbalState
+from control.latency import UNKNOWN, DelayEstimate
 from control.modes import Confirmation
 from control.motion import TargetMotion
 from control.types import BearingMeasurement, Reason, TargetState, Vec3, VelocityRequest
 from gcs.audit import Audit
 from gcs.errors import GcsError
-from gcs.flight_record import MESSAGES
 from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures
-from gcs.tick import Tick
+from gcs.recorder.events import Expected, Ordered, Received, Refusals, Said, Selected
+from gcs.recorder.flight_recorder import MESSAGES
+from gcs.tick import Tick, Wanted
+from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
 
 
@@ -42,7 +45,7 @@ class _ResultRow(msgspec.Struct, frozen=True):
 
 
 class FrameRow(msgspec.Struct, frozen=True):
-    """A `FrameRecord` as read back; what was no number there is None."""
+    """A `gcs.recorder.events.FrameRecord` as read back; what was no number there is None."""
 
     t_capture_s: float
     t_arrival_s: float
@@ -52,6 +55,15 @@ class FrameRow(msgspec.Struct, frozen=True):
     measurement: BearingMeasurement | None = None
     problem: str | None = None
     track_s: float = 0.0
+    frozen: bool = False
+    decode_s: float = 0.0
+    glass_delay: DelayEstimate = UNKNOWN
+    repeated: bool = False
+    predicted: Box | None = None
+    t_saw_s: float | None = None
+    fingerprint: int | None = None
+    packet: int | None = None
+    told: Told | None = None
 
     @property
     def tracked(self) -> TrackResult | None:
@@ -87,13 +99,16 @@ class TickRow(msgspec.Struct, frozen=True):
     budget: Budget | None = None
     motion: TargetMotion | None = None
     held: Confirmation | None = None
+    gimbal: GimbalRequest | None = None
+    wanted: Wanted = Wanted()
+    changed: Confirmation | None = None
 
     @property
     def tick(self) -> Tick:
         """The decision for those who watch; without its setpoint, which the gate alone can make."""
         return Tick(
             self.t_s, self.inputs, self.output, self.target, self.request, None, self.gate, self.camera,
-            budget=self.budget, motion=self.motion, held=self.held,
+            self.gimbal, self.budget, self.motion, self.held, self.wanted, self.changed,
         )  # fmt: skip
 
 
@@ -111,8 +126,11 @@ class _Line(msgspec.Struct, frozen=True):
     data: msgspec.Raw
 
 
-_KINDS: Final[dict[str, Any]] = {"FrameRecord": FrameRow, "Tick": TickRow, "Audit": Audit, "LinkFigures": LinkFigures}
-Message = FrameRow | TickRow | Audit | LinkFigures
+_KINDS: Final[dict[str, Any]] = {
+    "FrameRecord": FrameRow, "Tick": TickRow,
+    **{kind.__name__: kind for kind in (Audit, LinkFigures, Received, Selected, Expected, Ordered, Said, Refusals)},
+}  # fmt: skip
+Message = FrameRow | TickRow | Audit | LinkFigures | Received | Selected | Expected | Ordered | Said | Refusals
 Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
 
 

@@ -10,6 +10,7 @@ from typing import Final
 from control.config import FollowConfig
 from control.modes import FollowMode
 from control.types import VehicleState
+from gcs.audit import Audit
 from gcs.candidates import Candidate
 from gcs.errors import GcsError
 from gcs.flight_view import Sighting, Status, Watcher, make_status, status_line
@@ -69,7 +70,7 @@ class ReplayStation:
         elif isinstance(message, LinkFigures):
             received, sent = message.received_bytes_per_s / 1000, message.sent_bytes_per_s / 1000
             self._link = f"in {received:.1f} out {sent:.1f} kB/s, as recorded"
-        else:
+        elif isinstance(message, Audit):
             for watcher in self._watchers:
                 watcher.audited(moment.t_s, message)
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 
 from gcs.dryrun.record import ANNOTATED
-from gcs.flight_record import MESSAGES, TLOG, VIDEO
+from gcs.recorder.flight_recorder import MESSAGES, TLOG
+from gcs.replay.film import VIDEO
 from gcs.replay.log import FlightLog, ReplayError
 from gcs.report.figures import Report
 from gcs.report.tally import Tally

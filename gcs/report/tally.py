@@ -63,7 +63,7 @@ class Tally:
             self._frame(message)
         elif isinstance(message, LinkFigures):
             self._link(message)
-        else:
+        elif isinstance(message, Audit):
             self._audit(t_s, message)
 
     # -- decisions ----------------------------------------------------------------------------------------

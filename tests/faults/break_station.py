@@ -8,7 +8,7 @@ from pathlib import Path
 from unittest import mock
 
 from control.types import VelocityRequest
-from gcs.messages import MessageLog
+from gcs.recorder.message_log import MessageLog
 from tests.faults.script import Happened
 from tests.faults.world import FaultWorld
 

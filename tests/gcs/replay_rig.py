@@ -11,12 +11,13 @@ from gcs.audit import Audit, judge
 from gcs.config import RecorderConfig
 from gcs.dryrun.output import AnnotatedVideo
 from gcs.flight_orders import Orders
-from gcs.flight_record import VIDEO, FlightRecorder
 from gcs.flight_view import Sighting
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
 from gcs.lockstep.world import Setup
 from gcs.operator.orders import Abort
+from gcs.recorder.flight_recorder import FlightRecorder
+from gcs.replay.film import VIDEO
 from gcs.tick import Tick
 from sitl_mocks.vehicle.params import PREPARED
 from tests.faults.script import Flown, engage
@@ -58,7 +59,8 @@ def record_flight(folder: Path) -> Path:
 
     async def main(loop: LockstepLoop) -> None:
         world = FaultWorld(loop, Setup(3))
-        record = FlightRecorder(folder, RecorderConfig(video=False), SIZE, 20.0, figures=world.wire.figures)
+        record = FlightRecorder(folder, RecorderConfig())
+        record.figures = world.wire.figures
         filming = Filming(folder)
         world.flight.watchers = (*world.flight.watchers, record, filming)
         stepping = loop.create_task(world.run())

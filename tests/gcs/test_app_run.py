@@ -17,7 +17,7 @@ import aiohttp
 import pytest
 
 from gcs.keys import SigningKey, write_key
-from gcs.messages import read_messages
+from gcs.recorder.message_log import read_messages
 from sitl_mocks import scenario
 from sitl_mocks.simulator import Simulator, SimulatorConfig
 from sitl_mocks.vehicle import PREPARED, Mode, Personality

@@ -10,9 +10,9 @@ import pytest
 from gcs.audit import AuditError
 from gcs.config import RecorderConfig
 from gcs.flight_orders import RefusedError
-from gcs.flight_record import MESSAGES, FlightRecorder
-from gcs.messages import read_messages
 from gcs.operator.orders import Accept, Confirm, parse_order
+from gcs.recorder.flight_recorder import MESSAGES, FlightRecorder
+from gcs.recorder.message_log import read_messages
 from sitl_mocks.vehicle import Personality
 from tests.gcs.test_audit import BOTH, FACTORY_UNSAFE
 from tests.gcs.test_flight_integration import session
@@ -56,7 +56,7 @@ async def test_a_configuration_accepts_by_name() -> None:
 
 
 async def test_a_vehicle_that_was_away_is_audited_again(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, RecorderConfig(video=False), (640, 480), 20.0)
+    recorder = FlightRecorder(tmp_path, RecorderConfig())
     async with session("px4") as s:
         s.flight.watchers = (recorder,)
         await audited(s)

@@ -18,7 +18,7 @@ from gcs.config import TrackerConfig as TrackerChoice
 from gcs.dryrun.batch import Options, run
 from gcs.dryrun.output import Summary
 from gcs.errors import GcsError, SelectionError, VideoError
-from gcs.messages import read_messages
+from gcs.recorder.message_log import read_messages
 from gcs.tracking import BoxTracker
 from tests.gcs.clips import Picture, box_at, index_first, picture, write_clip, write_folder, write_truth
 from tests.gcs.colour_tracker import ColourTracker

@@ -12,12 +12,12 @@ from control.modes import FollowMode
 from gcs.candidates import Candidate
 from gcs.errors import SelectionError
 from gcs.flight_orders import RefusedError
-from gcs.flight_record import Film
 from gcs.flight_station import FlightStation
 from gcs.flight_view import Sighting
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
 from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, SelectCandidate, SetMode
+from gcs.recorder.film import Film
 from tests.gcs.fake_station import Quiet
 from tests.gcs.standing_rig import Standing, standing
 

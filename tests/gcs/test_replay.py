@@ -19,10 +19,11 @@ from control.engagement import State
 from gcs.audit import Audit
 from gcs.clock import FakeClock
 from gcs.errors import GcsError
-from gcs.flight_record import MESSAGES, VIDEO
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Select
+from gcs.recorder.flight_recorder import MESSAGES
 from gcs.replay import play as replay
+from gcs.replay.film import VIDEO
 from gcs.replay.log import FlightLog, FrameRow, ReplayError, TickRow
 from gcs.replay.play import open_flight, station_of
 from gcs.replay.player import Moment, Player

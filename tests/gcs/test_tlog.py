@@ -11,7 +11,7 @@ from pymavlink import mavutil
 from gcs import codec
 from gcs.errors import WireError
 from gcs.framing import Encoder
-from gcs.tlog import TlogWriter
+from gcs.recorder.tlog import TlogWriter
 from gcs.wire import Wire
 from tests.gcs.wire_peer import Peer, eventually, free_port, got, heartbeat, setpoint
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.messages import MessageLog, read_messages
+from gcs.recorder.message_log import MessageLog, read_messages
 
 
 class Colour(Enum):

@@ -1,0 +1,1 @@
+"""Everything a flight leaves behind, written so that nothing of it can hold the flight up."""

@@ -1,0 +1,103 @@
+"""What a flight was flown with: versions, configuration, weights, clock, machine. The first file of its folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from gcs.config import Config
+from gcs.errors import GcsError, one_line
+
+MANIFEST: Final = "manifest.json"
+FORMAT: Final = 1
+
+
+class ManifestError(GcsError):
+    """A manifest that is not there or cannot be read; names the file."""
+
+
+class VideoFacts(msgspec.Struct, frozen=True):
+    """The video source; address without user name and password."""
+
+    address: str
+    width_px: int
+    height_px: int
+    fps: float | None
+
+
+class WeightsFacts(msgspec.Struct, frozen=True):
+    """The tracker's weights; sha256 of the file."""
+
+    name: str
+    sha256: str
+    threads: int  # of PyTorch: another number may change the last bits
+
+
+class Manifest(msgspec.Struct, frozen=True, kw_only=True):
+    """kind: run, demo or import. started, ended: UTC, ISO 8601; ended: None until the orderly end.
+
+    t_start_s: reading of the flight's monotonic clock at unix_start_s, seconds since 1970. software: version by name.
+    machine: facts by name. config: as `gcs.config.Config`, in plain values. dropped: records that were not written.
+    """
+
+    kind: str
+    started: str
+    t_start_s: float
+    unix_start_s: float
+    software: dict[str, str]
+    machine: dict[str, str]
+    config: dict[str, Any]
+    video: VideoFacts | None = None
+    vehicle: str | None = None  # its address
+    weights: WeightsFacts | None = None
+    seed: int | None = None
+    watermark: str | None = None
+    ended: str | None = None
+    dropped: int = 0
+    problems: tuple[str, ...] = ()
+    format: int = FORMAT
+
+    @property
+    def configuration(self) -> Config:
+        """As it was flown with. ManifestError where this version no longer takes it."""
+        try:
+            return msgspec.convert(self.config, Config)
+        except (msgspec.ValidationError, ValueError) as error:
+            raise ManifestError(one_line(f"{MANIFEST}: its configuration is not of this version: {error}")) from error
+
+    def unix_s(self, t_s: float) -> float:
+        """Seconds since 1970 at t_s of the flight's clock."""
+        return self.unix_start_s + t_s - self.t_start_s
+
+
+def plain(config: Config) -> dict[str, Any]:
+    """For `Manifest.config`."""
+    values: dict[str, Any] = msgspec.to_builtins(config)
+    return values
+
+
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """At once or not at all; OSError where it cannot be."""
+    draft = folder / f"{MANIFEST}.new"
+    with draft.open("wb") as file:
+        file.write(msgspec.json.format(msgspec.json.encode(manifest), indent=1) + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(folder / MANIFEST)
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Raises ManifestError."""
+    path = folder / MANIFEST
+    try:
+        manifest = msgspec.json.decode(path.read_bytes(), type=Manifest)
+    except OSError as error:
+        raise ManifestError(f"{path}: {(error.strerror or str(error)).lower()}") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise ManifestError(one_line(f"{path}: not a manifest: {error}")) from error
+    if manifest.format != FORMAT:
+        raise ManifestError(f"{path}: format {manifest.format}; this version reads {FORMAT}")
+    return manifest
