@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gcs.audit import Audit
 from gcs.config import RecorderConfig
 from gcs.flight_view import Sighting
-from gcs.framing import Message
 from gcs.link_meters import LinkFigures
 from gcs.recorder.events import FrameRecord, Received
 from gcs.recorder.film import Film
 from gcs.recorder.message_log import MessageLog
 from gcs.tick import Tick
+
+if TYPE_CHECKING:  # a dry run has no link, and imports none
+    from gcs.framing import Message
 
 _FIGURES_S: Final = 1.0
 MESSAGES, TLOG = "messages.jsonl", "flight.tlog"

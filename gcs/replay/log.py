@@ -11,7 +11,7 @@ import msgspec
 
 from control.engagement import Inputs, Output
 from control.gimbal import GimbalRequest, GimbalState
-from control.latency import UNKNOWN, DelayEstimate
+from control.latency import UNKNOWN
 from control.modes import Confirmation
 from control.motion import TargetMotion
 from control.types import BearingMeasurement, Reason, TargetState, Vec3, VelocityRequest
@@ -44,6 +44,14 @@ class _ResultRow(msgspec.Struct, frozen=True):
     visible: bool = True
 
 
+class _DelayRow(msgspec.Struct, frozen=True):
+    """A `DelayEstimate`; std_s: None where it was infinite."""
+
+    delay_s: float = UNKNOWN.delay_s
+    std_s: float | None = None
+    known: bool = False
+
+
 class FrameRow(msgspec.Struct, frozen=True):
     """A `gcs.recorder.events.FrameRecord` as read back; what was no number there is None."""
 
@@ -57,7 +65,7 @@ class FrameRow(msgspec.Struct, frozen=True):
     track_s: float = 0.0
     frozen: bool = False
     decode_s: float = 0.0
-    glass_delay: DelayEstimate = UNKNOWN
+    glass_delay: _DelayRow = _DelayRow()
     repeated: bool = False
     predicted: Box | None = None
     t_saw_s: float | None = None
