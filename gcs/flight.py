@@ -44,7 +44,7 @@ from gcs.glass_delay import GlassDelay
 from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
 from gcs.next import Next
-from gcs.recorder.events import Expected, Journal, NoJournal, Refusals, Said
+from gcs.recorder.events import Begun, Expected, Journal, NoJournal, Refusals, Said
 from gcs.recorder.film import Film
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
@@ -88,6 +88,7 @@ class Flight:
         self.config = config
         self.clock = clock
         self.journal: Journal = journal or NoJournal()
+        self.journal.note(clock.now_s(), Begun())
         self._say = say
         self.camera: CameraModel = config.camera_model(*source.size)
         attitude = link.telemetry.attitude

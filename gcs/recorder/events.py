@@ -31,6 +31,11 @@ class NoJournal:
 
 
 @dataclass(frozen=True, slots=True)
+class Begun:
+    """The parts of the flight were put together; until now the link alone was open."""
+
+
+@dataclass(frozen=True, slots=True)
 class Received:
     """A MAVLink frame that was believed, as it came; base64 in the log."""
 

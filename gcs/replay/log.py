@@ -19,7 +19,7 @@ from gcs.audit import Audit
 from gcs.errors import GcsError
 from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures
-from gcs.recorder.events import Expected, Ordered, Received, Refusals, Said, Selected
+from gcs.recorder.events import Begun, Expected, Ordered, Received, Refusals, Said, Selected
 from gcs.recorder.flight_recorder import MESSAGES
 from gcs.tick import Tick, Wanted
 from gcs.vision_tape import Told
@@ -136,9 +136,9 @@ class _Line(msgspec.Struct, frozen=True):
 
 _KINDS: Final[dict[str, Any]] = {
     "FrameRecord": FrameRow, "Tick": TickRow,
-    **{kind.__name__: kind for kind in (Audit, LinkFigures, Received, Selected, Expected, Ordered, Said, Refusals)},
+    **{kind.__name__: kind for kind in (Audit, LinkFigures, Begun, Received, Selected, Expected, Ordered, Said, Refusals)},
 }  # fmt: skip
-Message = FrameRow | TickRow | Audit | LinkFigures | Received | Selected | Expected | Ordered | Said | Refusals
+Message = FrameRow | TickRow | Audit | LinkFigures | Begun | Received | Selected | Expected | Ordered | Said | Refusals
 Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
 
 
@@ -205,18 +205,23 @@ class FlightLog:
 
     def __iter__(self) -> Iterator[Entry]:
         """All messages in order, decoded one after the other."""
+        for entry, _ in self.with_data():
+            yield entry
+
+    def with_data(self) -> Iterator[tuple[Entry, msgspec.Raw]]:
+        """The same, each with the JSON it was decoded from."""
         self._unread = 0
         with self.path.open("rb") as file:
             for offset in self._offsets:
                 file.seek(offset)
-                entry = self._decoded(file.readline())
-                if entry is not None:
-                    yield entry
+                found = self._decoded(file.readline())
+                if found is not None:
+                    yield found
 
-    def _decoded(self, line: bytes) -> Entry | None:
+    def _decoded(self, line: bytes) -> tuple[Entry, msgspec.Raw] | None:
         try:
             row = self._decoder.decode(line)
-            return row.t_s, row.frame, self._decoders[row.type].decode(row.data)
+            return (row.t_s, row.frame, self._decoders[row.type].decode(row.data)), row.data
         except (msgspec.DecodeError, UnicodeDecodeError, KeyError):
             self._unread += 1
             return None
