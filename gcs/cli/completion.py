@@ -12,7 +12,7 @@ from gcs.cli.entry import build_parser
 from gcs.profiles import profile_names
 from sitl_mocks import scenario, sequences
 
-_FILES: Final = ("FILE", "NAME|FILE", "VIDEO", "CONFIG", "FILE|KEY", "DATASET", "URL")
+_FILES: Final = ("FILE", "NAME|FILE", "VIDEO", "CONFIG", "FILE|KEY", "DATASET", "URL", "TLOG")
 _FOLDERS: Final = ("DIR", "FLIGHT")
 
 
