@@ -45,14 +45,7 @@ class FlightRecorder:
     def saw(self, sighting: Sighting) -> None:
         """Log the frame."""
         seen = sighting.seen
-        frame = seen.frame
-        record = FrameRecord(
-            frame.t_capture_s, frame.t_arrival_s, seen.t_done_s, seen.selection, seen.result,
-            sighting.measurement, seen.frozen, seen.problem, frame.decode_s, seen.track_s,
-            sighting.status.glass_delay, seen.repeated, sighting.predicted, sighting.t_saw_s,
-            seen.fingerprint, frame.packet, seen.told,
-        )  # fmt: skip
-        self.note(seen.t_done_s, record, frame.seq)
+        self.note(seen.t_done_s, frame_record(sighting), seen.frame.seq)
 
     def ticked(self, tick: Tick) -> None:
         """Log the decision."""
@@ -77,3 +70,15 @@ class FlightRecorder:
             elif part.dropped:
                 problems.append(f"{part.dropped} records were dropped: the disk or the processor was too slow")
         return problems
+
+
+def frame_record(sighting: Sighting) -> FrameRecord:
+    """What the log keeps of a frame."""
+    seen = sighting.seen
+    frame = seen.frame
+    return FrameRecord(
+        frame.t_capture_s, frame.t_arrival_s, seen.t_done_s, seen.selection, seen.result,
+        sighting.measurement, seen.frozen, seen.problem, frame.decode_s, seen.track_s,
+        sighting.status.glass_delay, seen.repeated, sighting.predicted, sighting.t_saw_s,
+        seen.fingerprint, frame.packet, seen.told,
+    )  # fmt: skip

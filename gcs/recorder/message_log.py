@@ -58,7 +58,7 @@ class MessageLog:
         self._wait_when_full = wait_when_full
         self._size_limit_bytes = size_limit_bytes
         self._open_file = open_file
-        self._encode = msgspec.json.Encoder(enc_hook=_plain).encode
+        self._encode = encoder().encode
         self._count = 0
         self._lock = threading.Lock()
         self._queue: queue.Queue[tuple[int, float, int | None, object] | None] = queue.Queue(QUEUE_LENGTH)
@@ -132,6 +132,11 @@ class MessageLog:
     def _give_up(self, reason: str) -> None:
         self.problem = f"{self.path}: {reason}"
         log.warning("message log stopped: %s", self.problem)
+
+
+def encoder() -> msgspec.json.Encoder:
+    """Of the log's lines; floats read back bit for bit, NaN and infinities as null."""
+    return msgspec.json.Encoder(enc_hook=_plain)
 
 
 def read_messages(path: str | os.PathLike[str]) -> Iterator[Record]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import msgspec
 
 from control.engagement import Inputs, Output
 from control.gimbal import GimbalRequest, GimbalState
-from control.latency import UNKNOWN
+from control.latency import UNKNOWN, DelayEstimate
 from control.modes import Confirmation
 from control.motion import TargetMotion
 from control.types import BearingMeasurement, Reason, TargetState, Vec3, VelocityRequest
@@ -50,6 +51,11 @@ class _DelayRow(msgspec.Struct, frozen=True):
     delay_s: float = UNKNOWN.delay_s
     std_s: float | None = None
     known: bool = False
+
+    @property
+    def estimate(self) -> DelayEstimate:
+        """As it was."""
+        return DelayEstimate(self.delay_s, math.inf if self.std_s is None else self.std_s, self.known)
 
 
 class FrameRow(msgspec.Struct, frozen=True):
@@ -136,7 +142,8 @@ class _Line(msgspec.Struct, frozen=True):
 
 _KINDS: Final[dict[str, Any]] = {
     "FrameRecord": FrameRow, "Tick": TickRow,
-    **{kind.__name__: kind for kind in (Audit, LinkFigures, Begun, Received, Selected, Expected, Ordered, Said, Refusals)},
+    **{kind.__name__: kind for kind in (Audit, LinkFigures, Begun, Received)},
+    **{kind.__name__: kind for kind in (Selected, Expected, Ordered, Said, Refusals)},
 }  # fmt: skip
 Message = FrameRow | TickRow | Audit | LinkFigures | Begun | Received | Selected | Expected | Ordered | Said | Refusals
 Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
