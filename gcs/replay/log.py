@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -145,6 +146,7 @@ _KINDS: Final[dict[str, Any]] = {
     **{kind.__name__: kind for kind in (Audit, LinkFigures, Begun, Received)},
     **{kind.__name__: kind for kind in (Selected, Expected, Ordered, Said, Refusals)},
 }  # fmt: skip
+_CODES: Final = {kind: code for code, kind in enumerate(_KINDS.values())}
 Message = FrameRow | TickRow | Audit | LinkFigures | Begun | Received | Selected | Expected | Ordered | Said | Refusals
 Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
 
@@ -160,7 +162,7 @@ class FlightLog:
         self.path = folder / MESSAGES
         self.dropped = self._broken = self._unread = 0
         self.is_cut = False
-        self._times_s, self._offsets = array("d"), array("q")
+        self._times_s, self._offsets, self._codes = array("d"), array("q"), bytearray()
         self._decoder = msgspec.json.Decoder(_Line)
         self._decoders = {name: msgspec.json.Decoder(kind) for name, kind in _KINDS.items()}
         try:
@@ -188,8 +190,10 @@ class FlightLog:
                     self.dropped += max(head.n - written, 0)
                     written = head.n + 1
                     if head.type in _KINDS:
-                        self._times_s.append(head.t_s)
+                        # The log is in the order of writing, which that of time is nearly.
+                        self._times_s.append(max(head.t_s, self._times_s[-1]) if self._times_s else head.t_s)
                         self._offsets.append(offset)
+                        self._codes.append(_CODES[_KINDS[head.type]])
                 offset += len(line)
 
     def __len__(self) -> int:
@@ -203,7 +207,7 @@ class FlightLog:
     @property
     def span_s(self) -> float:
         """From the first message to the last."""
-        return max(self._times_s) - self._times_s[0]
+        return self._times_s[-1] - self._times_s[0]
 
     @property
     def damaged(self) -> int:
@@ -218,12 +222,44 @@ class FlightLog:
     def with_data(self) -> Iterator[tuple[Entry, msgspec.Raw]]:
         """The same, each with the JSON it was decoded from."""
         self._unread = 0
+        return self._found(range(len(self)))
+
+    def read(self, places: Iterable[int]) -> Iterator[Entry]:
+        """Those at these places, 0 for the first; what cannot be read is left out."""
+        for entry, _ in self._found(places):
+            yield entry
+
+    def _found(self, places: Iterable[int]) -> Iterator[tuple[Entry, msgspec.Raw]]:
         with self.path.open("rb") as file:
-            for offset in self._offsets:
-                file.seek(offset)
+            for place in places:
+                file.seek(self._offsets[place])
                 found = self._decoded(file.readline())
                 if found is not None:
                     yield found
+
+    def places(self, *kinds: type[Message], begin: int = 0, end: int | None = None) -> list[int]:
+        """Where messages of these kinds are, from begin to before end."""
+        codes = {_CODES[kind] for kind in kinds}
+        stop = len(self) if end is None else end
+        return [place for place in range(begin, stop) if self._codes[place] in codes]
+
+    def newest(self, kind: type[Message], before: int) -> int | None:
+        """Where the last one of this kind before that place is."""
+        found = self._codes.rfind(_CODES[kind], 0, max(before, 0))
+        return found if found >= 0 else None
+
+    def next(self, kind: type[Message], begin: int) -> int | None:
+        """Where the first one of this kind from that place on is."""
+        found = self._codes.find(_CODES[kind], begin)
+        return found if found >= 0 else None
+
+    def place_at(self, t_s: float) -> int:
+        """Of the first message later than this."""
+        return bisect_right(self._times_s, t_s)
+
+    def time_s(self, place: int) -> float:
+        """Of the message at this place, or the latest before it."""
+        return self._times_s[place]
 
     def _decoded(self, line: bytes) -> tuple[Entry, msgspec.Raw] | None:
         try:
