@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -11,72 +12,122 @@ import numpy as np
 from gcs.dryrun.output import MAX_REPEATS
 from gcs.dryrun.record import ANNOTATED
 from gcs.errors import VideoError
+from gcs.replay.log import Entry, FlightLog, FrameRow
 from gcs.video import VideoSource, open_source
 from gcs.video.frame import Image
-from tracker.box import Box
 
 VIDEO: Final = "flight.mp4"
 _FPS: Final = 20.0
 _SIZES_PX: Final = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
 _GREY: Final = 90
+_LOOKED_AT: Final = 2000  # messages, for the size of pictures that are not there
 
 
 class Film:
-    """Read forwards, on one thread. Where there is no film, its pictures are grey and `problem` says why."""
+    """Pictures by the frames of the log, quickest when asked for in their order; not to be shared between threads.
 
-    def __init__(self, folder: Path) -> None:
+    size: (width, height) of the pictures, px. problem: why there are none, in one line.
+    """
+
+    def __init__(self, folder: Path, log: FlightLog | None = None) -> None:
+        """log: of the same folder; the film of a dry run needs it, and so does a guess at a size where there is none."""
         self.problem: str | None = None
-        self.size: tuple[int, int] | None = None
-        self._source: VideoSource | None = None
-        self._fps = _FPS
-        self._image: Image | None = None
-        self._at = -1  # number of the picture held
-        self._first_s: float | None = None
-        self._due = self._written = 0
-        path = next((folder / name for name in (VIDEO, ANNOTATED) if (folder / name).exists()), None)
-        if path is None:
+        self._annotated = _Annotated(folder / ANNOTATED, log) if (folder / ANNOTATED).exists() else None
+        if self._annotated is not None:
+            self.problem = self._annotated.problem
+        else:
             self.problem = f"{folder}: no film in it, only messages"
-            return
-        try:
-            self._source = open_source(str(path))
-        except VideoError:
-            self.problem = f"{path}: cannot be played; a flight that was broken off leaves no end in it"
-            return
-        self.size, self._fps = self._source.size, self._source.fps or _FPS
+        known = None if self._annotated is None else self._annotated.size
+        self.size: tuple[int, int] = known or _assumed_size(log or ())
 
     @property
     def is_there(self) -> bool:
-        """Whether there are pictures, with the overlay drawn in."""
-        return self._source is not None
+        """Whether there are pictures."""
+        return self.is_annotated
 
-    def assume_size(self, boxes: Iterable[Box]) -> None:
-        """Without a film: a usual size that has room for what was tracked."""
-        right_px = bottom_px = 0.0
-        for box in boxes:
-            right_px, bottom_px = max(right_px, box.cx_px), max(bottom_px, box.cy_px)
-        self.size = next((size for size in _SIZES_PX if right_px < size[0] and bottom_px < size[1]), _SIZES_PX[-1])
+    @property
+    def is_annotated(self) -> bool:
+        """Whether the overlay is drawn in already, as in the film of a dry run."""
+        return self._annotated is not None and self._annotated.size is not None
 
-    def note(self, t_arrival_s: float) -> None:
-        """A frame was written, as `AnnotatedVideo` counts: a pause repeats a picture, but not for ever."""
-        if self._first_s is None:
-            self._first_s = t_arrival_s
-        due = round((t_arrival_s - self._first_s) * self._fps) + 1
-        self._written += min(max(due - self._due, 0), MAX_REPEATS)
-        self._due = max(due, self._due)
+    def picture(self, row: FrameRow) -> Image | None:
+        """What was tracked; None where it was not filmed."""
+        return None if self._annotated is None else self._annotated.picture_at(row.t_arrival_s)
 
-    def picture(self) -> Image:
-        """Of the frame last noted; the last there is where the film is shorter."""
-        while self._source is not None and self._at < self._written - 1:
-            frame = self._source.read()
+    def picture_of(self, row: FrameRow) -> Image:
+        """The same for the eye: grey where it was not filmed."""
+        image_bgr = self.picture(row)
+        if image_bgr is None:
+            width_px, height_px = self.size
+            image_bgr = np.full((height_px, width_px, 3), _GREY, np.uint8)
+        return image_bgr
+
+    def close(self) -> None:
+        """Close the files."""
+        if self._annotated is not None:
+            self._annotated.close()
+
+
+def _assumed_size(log: Iterable[Entry]) -> tuple[int, int]:
+    """Without a film: a usual size that has room for what was tracked."""
+    right_px = bottom_px = 0.0
+    for _, _, message in islice(log, _LOOKED_AT):
+        if isinstance(message, FrameRow) and (result := message.tracked) is not None:
+            right_px, bottom_px = max(right_px, result.box.cx_px), max(bottom_px, result.box.cy_px)
+    return next((size for size in _SIZES_PX if right_px < size[0] and bottom_px < size[1]), _SIZES_PX[-1])
+
+
+class _Annotated:
+    """The mp4 of a dry run; it counts as `AnnotatedVideo` does: a pause repeats a picture, but not for ever."""
+
+    def __init__(self, path: Path, log: FlightLog | None) -> None:
+        self._path = path
+        self.problem: str | None = None
+        self.size: tuple[int, int] | None = None
+        self._source: VideoSource | None = None
+        self._image: Image | None = None
+        self._at = -1  # number of the picture held
+        self._numbers: dict[float, int] = {}  # of the picture, by the frame's arrival time
+        try:
+            source = self._open()
+        except VideoError:
+            self.problem = f"{path}: cannot be played; a dry run that was broken off leaves no end in it"
+            return
+        self.size = source.size
+        times_s = (message.t_arrival_s for _, _, message in log or () if isinstance(message, FrameRow))
+        self._numbers = _numbers(times_s, source.fps or _FPS)
+
+    def _open(self) -> VideoSource:
+        self.close()
+        self._source, self._at = open_source(str(self._path)), -1
+        return self._source
+
+    def picture_at(self, t_arrival_s: float) -> Image | None:
+        """Of the frame that came then; the last there is where the film is shorter."""
+        number = self._numbers.get(t_arrival_s)
+        if number is None or self._source is None:
+            return None
+        source = self._open() if number < self._at else self._source
+        while self._at < number:
+            frame = source.read()
             if frame is None:
                 break
             self._image, self._at = frame.image_bgr, self._at + 1
-        if self._image is None:
-            width_px, height_px = self.size or _SIZES_PX[0]
-            self._image = np.full((height_px, width_px, 3), _GREY, np.uint8)
         return self._image
 
     def close(self) -> None:
-        """Close the file."""
         if self._source is not None:
             self._source.close()
+
+
+def _numbers(times_s: Iterable[float], fps: float) -> dict[float, int]:
+    numbers: dict[float, int] = {}
+    first_s: float | None = None
+    due = written = 0
+    for t_s in times_s:
+        first_s = t_s if first_s is None else first_s
+        now_due = round((t_s - first_s) * fps) + 1
+        written += min(max(now_due - due, 0), MAX_REPEATS)
+        due = max(now_due, due)
+        numbers[t_s] = max(written - 1, 0)
+    return numbers

@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import sys
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -18,14 +17,13 @@ from gcs.errors import GcsError
 from gcs.operator.displays import Displays
 from gcs.operator.terminal import Screen
 from gcs.replay.film import Film
-from gcs.replay.log import FlightLog, FrameRow, ReplayError
+from gcs.replay.log import FlightLog, ReplayError
 from gcs.replay.player import Moment, Player
 from gcs.replay.station import ReplayStation
 from gcs.signals import signals
 
 _LEAST_SPEED, _MOST_SPEED = 0.1, 20.0
 _LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
-_LOOKED_AT: Final = 2000  # messages, for the size of pictures that are not there
 
 
 def main(args: argparse.Namespace) -> int:
@@ -48,17 +46,13 @@ def open_flight(folder: Path) -> tuple[FlightLog, Film]:
     """Messages and film of a flight's folder. Raises ReplayError without messages."""
     if not folder.is_dir():
         raise ReplayError(f"{folder}: no such folder")
-    log, film = FlightLog(folder), Film(folder)
-    if film.size is None:
-        rows = (message for _, _, message in islice(log, _LOOKED_AT) if isinstance(message, FrameRow))
-        film.assume_size(result.box for row in rows if (result := row.tracked) is not None)
-    return log, film
+    log = FlightLog(folder)
+    return log, Film(folder, log)
 
 
 def station_of(film: Film) -> ReplayStation:
     """For the pictures of this film, or those that stand in for it."""
-    assert film.size is not None
-    return ReplayStation(film.size, drawn_in=film.is_there)
+    return ReplayStation(film.size, drawn_in=film.is_annotated)
 
 
 def play_lines(log: FlightLog, film: Film, speed: float, screen: Screen, clock: Clock) -> None:

@@ -70,7 +70,6 @@ class Player:
             if self._stop.is_set():
                 return
             image_bgr = None
-            if pictures and isinstance(message, FrameRow):
-                self._film.note(message.t_arrival_s)
-                image_bgr = self._film.picture() if wait_s > -_LATE_S else None
+            if pictures and isinstance(message, FrameRow) and wait_s > -_LATE_S:
+                image_bgr = self._film.picture_of(message)
             yield Moment(latest_s, number, message, image_bgr)
