@@ -30,7 +30,7 @@ class Film:
     """
 
     def __init__(self, folder: Path, log: FlightLog | None = None) -> None:
-        """log: of the same folder; the film of a dry run needs it, and so does a guess at a size where there is none."""
+        """log: of the same folder; the film of a dry run needs it, and so does a guess at the size of none."""
         self.problem: str | None = None
         self._annotated = _Annotated(folder / ANNOTATED, log) if (folder / ANNOTATED).exists() else None
         if self._annotated is not None:

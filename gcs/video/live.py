@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from gcs.errors import VideoError
 from gcs.video.frame import Decoded, Decoder, Frame, check_size
+from gcs.video.tap import Tap
 
 FIRST_BACKOFF_S = 0.25
 MAX_BACKOFF_S = 2.0  # longer, and a drone that is back must wait; nobody is hurt by a try every two seconds
@@ -39,12 +40,15 @@ class LiveSource:
         glass_delay_s: float = 0.0,
         reconnect: bool = True,
         clock: Callable[[], float] = time.monotonic,
+        tap: Tap | None = None,
     ) -> None:
+        """tap: given the pictures of a decoder that gives it no packets."""
         self.name = name
         self._open_decoder = open_decoder
         self._glass_delay_s = glass_delay_s
         self._reconnect = reconnect
         self._clock = clock
+        self._tap = tap
         self._stop = threading.Event()
         self._changed = threading.Condition()
         self._slot: Frame | None = None
@@ -148,7 +152,11 @@ class LiveSource:
 
     def _publish(self, decoded: Decoded) -> None:
         arrival_s = self._clock() - decoded.decode_s
-        frame = Frame(self._next_seq, decoded.image_bgr, arrival_s - self._glass_delay_s, arrival_s, decoded.decode_s)
+        packet = decoded.packet
+        if packet is None and self._tap is not None:
+            packet = self._tap.picture(decoded.image_bgr, arrival_s)
+        capture_s = arrival_s - self._glass_delay_s
+        frame = Frame(self._next_seq, decoded.image_bgr, capture_s, arrival_s, decoded.decode_s, packet)
         self._next_seq += 1
         with self._changed:
             self._slot = self._last = frame

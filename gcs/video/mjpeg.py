@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from gcs.errors import VideoError
-from gcs.video.frame import SILENT_S, Decoded, check_size, redact
+from gcs.video.frame import SILENT_S, Decoded, Image, check_size, redact
+from gcs.video.tap import Coding, Library, Tap
 
 MAX_PART_BYTES = 32 * 1024 * 1024
 MAX_LINE_BYTES = 4096
@@ -35,7 +36,8 @@ class MjpegDecoder:
     fps: float | None = None
     frame_count: int | None = None
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, tap: Tap | None = None) -> None:
+        """tap: told of each picture as it came."""
         self._name = redact(url)
         try:
             # The caller's own address from the command line or the configuration, http(s) only: see open.py.
@@ -51,6 +53,7 @@ class MjpegDecoder:
         if "multipart" not in content_type.lower():
             self._answer.close()
             raise NotMjpegError(f"{self._name}: not an MJPEG stream ({content_type or 'no content type'})")
+        self._tap = tap if tap is not None and tap.opened(Coding("mjpeg", Library.OPENCV)) else None
 
     def read(self) -> Decoded | None:
         for _ in range(MAX_BAD_PICTURES):
@@ -66,16 +69,10 @@ class MjpegDecoder:
         raise VideoError(f"{self._name}: {MAX_BAD_PICTURES} unreadable pictures in a row")
 
     def _decode(self, data: bytes) -> Decoded | None:
-        size = jpeg_size(data)
-        if size is None:
-            return None
-        check_size(self._name, *size)
         start_s = time.monotonic()
-        try:
-            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
-        except cv2.error:
-            return None
-        return None if image is None else Decoded(np.asarray(image, np.uint8), decode_s=time.monotonic() - start_s)
+        number = None if self._tap is None else self._tap.packet(data, start_s, is_key=True)
+        image_bgr = decode_jpeg(self._name, data)
+        return None if image_bgr is None else Decoded(image_bgr, None, time.monotonic() - start_s, number)
 
     def _read_part(self) -> bytes | None:
         """The bytes of the next part, None at the end of the stream."""
@@ -114,6 +111,19 @@ class MjpegDecoder:
 
     def close(self) -> None:
         self._answer.close()
+
+
+def decode_jpeg(name: str, data: bytes) -> Image | None:
+    """None for what is none; VideoError for one that is too large."""
+    size = jpeg_size(data)
+    if size is None:
+        return None
+    check_size(name, *size)
+    try:
+        image_bgr = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    return None if image_bgr is None else np.asarray(image_bgr, np.uint8)
 
 
 def jpeg_size(data: bytes) -> tuple[int, int] | None:

@@ -15,18 +15,24 @@ from gcs.video.mjpeg import MjpegDecoder, NotMjpegError
 from gcs.video.opencv import CvDecoder, camera_of
 from gcs.video.recorded import FolderDecoder, RecordedSource
 from gcs.video.rtp import is_sdp
+from gcs.video.tap import Tap
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "udp", "rtp", "tcp", "srt", "http", "https"})
 
 
 def open_source(
-    address: str, *, glass_delay_s: float = 0.0, fps: float | None = None, reconnect: bool = True
+    address: str,
+    *,
+    glass_delay_s: float = 0.0,
+    fps: float | None = None,
+    reconnect: bool = True,
+    tap: Tap | None = None,
 ) -> VideoSource:
     """Open a file, an image folder, a stream (rtsp, rtmp, udp, rtp, tcp, srt, http, an .sdp file) or `camera:N`.
 
     Options in the address: camera:0?width=1280&height=720&fps=30&format=MJPG, rtsp://...?transport=udp,
     rtp://HOST:PORT?codec=h265&payload=97.
-    glass_delay_s, reconnect: live sources only. fps: rate of an image folder (30 if not said).
+    glass_delay_s, reconnect, tap: live sources only. fps: rate of an image folder (30 if not said).
     Raises VideoError with one line that says what is wrong.
     """
     camera = camera_of(address)
@@ -37,14 +43,14 @@ def open_source(
         opener: Callable[[], Decoder] = lambda: CvDecoder(camera, live=True)  # noqa: E731
     elif scheme is None:
         _check_file(Path(address))
-        opener = lambda: _open_stream(address)  # noqa: E731
+        opener = lambda: _open_stream(address, tap)  # noqa: E731
     elif scheme.group(1).lower() in STREAM_SCHEMES:
         _check_address(address)
-        opener = lambda: _open_stream(address)  # noqa: E731
+        opener = lambda: _open_stream(address, tap)  # noqa: E731
     else:
         known = ", ".join(sorted(STREAM_SCHEMES))
         raise VideoError(f"{redact(address)}: unknown kind of address; use one of {known}")
-    return LiveSource(redact(address), opener, glass_delay_s=glass_delay_s, reconnect=reconnect)
+    return LiveSource(redact(address), opener, glass_delay_s=glass_delay_s, reconnect=reconnect, tap=tap)
 
 
 def _open_recorded(path: Path, fps: float | None) -> VideoSource:
@@ -84,12 +90,12 @@ def _check_file(path: Path) -> None:
         raise VideoError(f"{path}: {(error.strerror or str(error)).lower()}") from error
 
 
-def _open_stream(url: str) -> Decoder:
+def _open_stream(url: str, tap: Tap | None) -> Decoder:
     if url.lower().startswith(("http://", "https://")):
         try:
-            return MjpegDecoder(url)
+            return MjpegDecoder(url, tap)
         except NotMjpegError:
             pass  # an HTTP answer of another kind (a file, HLS) is FFmpeg's to read
     if pyav.is_installed():
-        return pyav.AvDecoder(url, live=True)
+        return pyav.AvDecoder(url, live=True, tap=tap)
     return CvDecoder(url, live=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 import time
 from collections import deque
@@ -10,14 +9,13 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from gcs.errors import VideoError
+from gcs.video.decoding import begins_anew
 from gcs.video.frame import SILENT_S
 
 BEHIND_S: Final = 0.25  # what waits longer than this makes room for what is newer
 MOST_PACKETS: Final = 2000
 _WAIT_S: Final = SILENT_S + 0.5  # FFmpeg itself should say so first
 _CLOSE_S: Final = 0.2
-_KEY = re.compile(rb"\x00\x00\x01[\x25\x27\x45\x47\x65\x67]")  # H.264: parameters, or a whole picture, begin
-_HEAD: Final = 64
 
 
 class PacketQueue:
@@ -27,9 +25,9 @@ class PacketQueue:
     missing ones.
     """
 
-    def __init__(self, packets: Iterator[Any], finish: Callable[[], None], name: str) -> None:
-        """finish: called on the thread, once nothing reads any more."""
-        self._packets, self._finish, self._name = packets, finish, name
+    def __init__(self, packets: Iterator[Any], finish: Callable[[], None], name: str, codec: str = "h264") -> None:
+        """finish: called on the thread, once nothing reads any more. codec: as FFmpeg names it."""
+        self._packets, self._finish, self._name, self._codec = packets, finish, name, codec
         self._waiting: deque[tuple[Any, float, bool]] = deque()
         self._changed = threading.Condition()
         self._error: BaseException | None = None
@@ -37,8 +35,11 @@ class PacketQueue:
         self._thread = threading.Thread(target=self._run, name="video packets", daemon=True)
         self._thread.start()
 
-    def get(self) -> tuple[Any, float]:
-        """The oldest packet and when it came; waits. Raises what ended the stream, VideoError where it is silent."""
+    def get(self) -> tuple[Any, float, bool]:
+        """The oldest packet, when it came, and whether a decoder can begin with it; waits.
+
+        Raises what ended the stream, VideoError where it is silent.
+        """
         with self._changed:
             come = self._changed.wait_for(lambda: self._waiting or self._error or self._stop, _WAIT_S)
             if not come:
@@ -47,8 +48,7 @@ class PacketQueue:
                 raise self._error or StopIteration
             if self._is_behind():
                 self._drop()
-            packet, arrived_s, _ = self._waiting.popleft()
-            return packet, arrived_s
+            return self._waiting.popleft()
 
     def holds_from_before(self, t_s: float) -> bool:
         """Something that came before then waits."""
@@ -85,7 +85,7 @@ class PacketQueue:
         self._finish()
 
     def _put(self, packet: Any, arrived_s: float) -> None:
-        is_key = bool(packet.is_keyframe) or _KEY.search(bytes(packet)[:_HEAD]) is not None
+        is_key = begins_anew(packet, self._codec)
         with self._changed:
             if len(self._waiting) >= MOST_PACKETS:
                 self._waiting.clear()  # nothing is decoded at all any more

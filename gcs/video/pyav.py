@@ -6,12 +6,12 @@ import time
 from importlib.util import find_spec
 from typing import Any, Final
 
-import numpy as np
-
 from gcs.errors import VideoError
+from gcs.video.decoding import to_bgr
 from gcs.video.frame import OPEN_TIMEOUT_S, SILENT_S, Decoded, check_size, nominal_fps, redact
-from gcs.video.packets import PacketQueue
+from gcs.video.live_packets import Coded, LivePackets
 from gcs.video.rtp import PROTOCOLS, as_opened, may_be_mpegts, rtsp_transport
+from gcs.video.tap import Tap
 
 # Joining a stream between two key frames, the decoder refuses everything up to the next one; some cameras send one
 # in ten seconds.
@@ -29,11 +29,8 @@ LIVE_OPTIONS: Final = {
     "protocol_whitelist": PROTOCOLS,
 }
 # FFmpeg's parser gives a picture only when the next one has begun. In MPEG-TS a packet is a whole picture already,
-# and an H.264 decoder that takes slices as they come (`chunks`) needs no parser. RTP's packets are pieces of pictures.
+# and an H.264 decoder that takes slices as they come needs no parser. RTP's packets are pieces of pictures.
 MPEGTS_OPTIONS: Final = {"fflags": "+noparse"}
-_UNPARSED: Final = frozenset({"h264", "mjpeg"})
-_MOST_PES_BYTES: Final = 200 * 1024  # FFmpeg cuts larger pictures in pieces of this size (less a little)
-_LEAST_PIECE_BYTES: Final = _MOST_PES_BYTES - 188
 
 
 def is_installed() -> bool:
@@ -42,13 +39,14 @@ def is_installed() -> bool:
 
 
 class AvDecoder:
-    """One PyAV container, single-threaded decoding (frame threads cost a frame of delay each).
+    """One PyAV container.
 
     Live: a thread of its own takes packets as they come, so arrival times are true and nothing queues in the network;
     of what has piled up while a picture was decoded, only the newest is given.
     """
 
-    def __init__(self, address: str, *, live: bool) -> None:
+    def __init__(self, address: str, *, live: bool, tap: Tap | None = None) -> None:
+        """tap: of a live one, told of each packet that is decoded."""
         import av  # an optional package: the module must import without it
 
         self._av: Any = av
@@ -64,22 +62,26 @@ class AvDecoder:
             self._container = self._open(address, options)
         try:
             self._stream: Any = self._video_stream()
+            self._context: Any = self._stream.codec_context
+            self._context.thread_count = 1
+            self._packets = iter(self._container.demux(self._stream))
+            self._live = self._begin(tap, "fflags" in options) if live else None
         except VideoError:
             self._container.close()
             raise
-        self._context: Any = self._stream.codec_context
-        self._context.thread_count = 1
-        unparsed, codec = "fflags" in options, self._context.name
-        self._in_pieces = unparsed and self._container.format.name == "mpegts" and codec in _UNPARSED
-        self._parses = unparsed and not self._in_pieces
-        self._piece = b""
-        if self._in_pieces:
-            self._context.flags2 |= int(av.codec.context.Flags2.chunks)
         self._fps = nominal_fps(float(self._stream.average_rate or 0.0))
-        self._packets = iter(self._container.demux(self._stream))
-        self._queue = PacketQueue(self._packets, self._container.close, self._name) if live else None
         self._waiting: list[Any] = []
-        self._arrived_s = 0.0  # the packet that gave them
+        self._from = Coded(b"", 0.0)  # the packet that gave them
+
+    def _begin(self, tap: Tap | None, is_unparsed: bool) -> LivePackets:
+        is_mpegts = self._container.format.name == "mpegts"
+        try:
+            return LivePackets(
+                self._stream, self._packets, self._container.close, self._name,
+                tap=tap, is_unparsed=is_unparsed, is_mpegts=is_mpegts,
+            )  # fmt: skip
+        except (self._av.FFmpegError, ValueError) as error:
+            raise VideoError(f"{self._name}: {_reason(error)}") from error
 
     def _open(self, address: str, options: dict[str, str]) -> Any:
         try:
@@ -115,21 +117,21 @@ class AvDecoder:
 
     def read(self) -> Decoded | None:
         start_s = time.monotonic()
-        while not self._waiting or (self._queue is not None and self._queue.holds_from_before(start_s)):
+        while not self._waiting or (self._live is not None and self._live.queue.holds_from_before(start_s)):
             more = self._decode_packet()
             if not more and not self._waiting:
                 return None
             if not more:
                 break
-            if self._queue is not None and not self._waiting and time.monotonic() - start_s > FIRST_PICTURE_S:
+            if self._live is not None and not self._waiting and time.monotonic() - start_s > FIRST_PICTURE_S:
                 raise VideoError(
                     f"{self._name}: data comes, but no picture in {FIRST_PICTURE_S:.0f} s: it holds no key frame, "
                     "is encrypted or damaged"
                 )
         frame = self._waiting.pop(0)
         check_size(self._name, frame.width, frame.height)
-        image_bgr = np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
-        return Decoded(image_bgr, frame.time, time.monotonic() - self._arrived_s)
+        image_bgr = to_bgr(frame)
+        return Decoded(image_bgr, frame.time, time.monotonic() - self._from.t_arrival_s, self._from.number)
 
     def _decode_packet(self) -> bool:
         """Decode until a packet gives frames; False at the end. Raises VideoError on a run of bad packets.
@@ -138,8 +140,10 @@ class AvDecoder:
         """
         for _ in range(MAX_BAD_PACKETS):
             try:
-                packet, arrived_s = self._next_packet()
-                frames = self._decode(packet)
+                if self._live is None:
+                    coded, frames = Coded(b"", time.monotonic()), list(self._context.decode(next(self._packets)))
+                else:
+                    coded, frames = self._live.decode_next()
             except (StopIteration, self._av.EOFError):
                 return False
             except self._av.InvalidDataError:
@@ -147,31 +151,15 @@ class AvDecoder:
             except (self._av.FFmpegError, OSError) as error:
                 raise VideoError(f"{self._name}: {_reason(error)}") from error
             if frames:
-                self._arrived_s = arrived_s
-                self._waiting = frames if self._queue is None else frames[-1:]
+                self._from = coded
+                self._waiting = frames if self._live is None else frames[-1:]
             return True
         raise VideoError(f"{self._name}: {MAX_BAD_PACKETS} unreadable packets in a row: encrypted or damaged")
 
-    def _next_packet(self) -> tuple[Any, float]:
-        if self._queue is None:
-            return next(self._packets), time.monotonic()
-        self._context.skip_frame = "NONREF" if self._queue.is_behind else "DEFAULT"
-        return self._queue.get()
-
-    def _decode(self, packet: Any) -> list[Any]:
-        if self._parses:
-            return [frame for each in self._context.parse(bytes(packet)) for frame in self._context.decode(each)]
-        if self._in_pieces and (self._piece or packet.size > _LEAST_PIECE_BYTES):
-            self._piece += bytes(packet)
-            if packet.size > _LEAST_PIECE_BYTES:
-                return []  # the rest of the picture comes
-            packet, self._piece = self._av.Packet(self._piece), b""
-        return list(self._context.decode(packet))
-
     def close(self) -> None:
         """Of a live stream the thread that reads closes it, when its read comes back; nobody waits for long."""
-        if self._queue is not None:
-            self._queue.close()
+        if self._live is not None:
+            self._live.queue.close()
         else:
             self._container.close()
 

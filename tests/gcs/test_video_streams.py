@@ -17,6 +17,7 @@ from gcs.video import VideoSource, open_source
 from gcs.video import live as live_module
 from gcs.video import packets as packets_module
 from gcs.video import pyav as pyav_module
+from gcs.video.decoding import PacketDecoder
 from gcs.video.live import LiveSource
 from gcs.video.packets import PacketQueue
 from gcs.video.pyav import is_installed
@@ -188,13 +189,13 @@ def test_a_server_that_stalls_within_a_picture_is_noticed(monkeypatch: pytest.Mo
 def test_a_decoder_that_is_too_slow_gives_new_pictures_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice too slow: without dropping, pictures would be a second old after two."""
     monkeypatch.setattr(live_module, "BEHIND_S", 0.06)
-    decode, port = pyav_module.AvDecoder._decode, free_port()
+    decode, port = PacketDecoder.decode, free_port()
 
-    def slowly(decoder: pyav_module.AvDecoder, packet: object) -> list[object]:
+    def slowly(decoder: PacketDecoder, data: bytes, **how: bool) -> list[object]:
         time.sleep(0.04)
-        return decode(decoder, packet)
+        return decode(decoder, data, **how)
 
-    monkeypatch.setattr(pyav_module.AvDecoder, "_decode", slowly)
+    monkeypatch.setattr(PacketDecoder, "decode", slowly)
     with StreamSender("mpegts", port, fps=50.0, gop=5) as sender:
         source = open_source(f"udp://127.0.0.1:{port}", reconnect=False)
         assert isinstance(source, LiveSource)
