@@ -23,7 +23,8 @@ from gcs.verify.outside import FlightAgain, RecordedClock, link_again
 from gcs.video import Frame
 
 Events = Iterable[tuple[Entry, msgspec.Raw]]
-_NO_PICTURE = np.zeros((1, 1, 3), np.uint8)
+NO_PICTURE = np.zeros((1, 1, 3), np.uint8)  # of a frame that was not tracked again
+_PICTURE = np.zeros((1, 1, 3), np.uint8)  # of one that was
 
 
 class Listener(Protocol):
@@ -56,14 +57,8 @@ class _Latest:
 class Again:
     """One flight, without its tracker. config: the flight's, or another one. size: of the pictures (width, height)."""
 
-    def __init__(
-        self, config: Config, size: tuple[int, int], listener: Listener, *, flown: Config, blind: bool
-    ) -> None:
-        """flown: the configuration of the record; what it wished for by itself, `config` may wish for otherwise.
-
-        blind: no picture is looked at, so what only they tell (how the background moves) is as recorded.
-        """
-        self._blind = blind
+    def __init__(self, config: Config, size: tuple[int, int], listener: Listener, *, flown: Config) -> None:
+        """flown: the configuration of the record; what it wished for by itself, `config` may wish for otherwise."""
         self._config, self._size, self._listener = config, size, listener
         self._wished, self._wishes = wanted_of(flown), wanted_of(config)
         self._clock = RecordedClock()
@@ -128,7 +123,7 @@ class Again:
         sighting = self._latest.sighting
         assert sighting is not None
         record = frame_record(sighting)
-        if seen.flow is None and self._blind:
+        if seen.frame.image_bgr is NO_PICTURE:  # what only pictures tell is as it was
             record = replace(record, glass_delay=row.glass_delay.estimate)
         self._listener.event("FrameRecord", number, row.t_done_s, raw, record)
 
@@ -141,8 +136,13 @@ def wanted_of(config: Config) -> Wanted:
 
 def recorded_seen(number: int, row: FrameRow) -> Seen:
     """What the tracker made of a frame then; without its picture."""
-    frame = Frame(number, _NO_PICTURE, row.t_capture_s, row.t_arrival_s, row.decode_s, row.packet)
+    frame = Frame(number, NO_PICTURE, row.t_capture_s, row.t_arrival_s, row.decode_s, row.packet)
     return Seen(
         frame, row.selection, row.tracked, row.t_done_s, row.track_s, row.frozen, row.problem, row.repeated,
         fingerprint=row.fingerprint, told=row.told,
     )  # fmt: skip
+
+
+def without_picture(seen: Seen) -> Seen:
+    """The same, small enough to be kept for every frame of a flight."""
+    return replace(seen, frame=replace(seen.frame, image_bgr=_PICTURE))

@@ -5,18 +5,33 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
+from control.camera import CameraModel
 from gcs.config import Config, RecorderConfig
 from gcs.flight_orders import Orders
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import Setup
+from gcs.lockstep.world import UNIX_S, Setup
 from gcs.operator.orders import Abort, StepStandoff
 from gcs.recorder.events import Begun
+from gcs.recorder.facts import machine, software
 from gcs.recorder.flight_recorder import FlightRecorder
+from gcs.recorder.manifest import Manifest, VideoFacts, plain, write_manifest
 from tests.faults.script import Flown, engage
 from tests.faults.world import FaultWorld
 
-SIZE = (640, 480)
+
+def _write_manifest(folder: Path, setup: Setup, camera: CameraModel) -> None:
+    manifest = Manifest(
+        kind="run",
+        started="2026-01-01T00:00:00Z",
+        t_start_s=100.0,
+        unix_start_s=UNIX_S,
+        software=software(),
+        machine=machine(),
+        config=plain(setup.config),
+        video=VideoFacts("lockstep", camera.width_px, camera.height_px, 20.0),
+    )
+    write_manifest(folder, manifest)
 
 
 def record_flight(folder: Path, setup: Setup | None = None) -> Config:
@@ -25,6 +40,7 @@ def record_flight(folder: Path, setup: Setup | None = None) -> Config:
 
     async def main(loop: LockstepLoop) -> None:
         world = FaultWorld(loop, setup)
+        _write_manifest(folder, setup, world.flight.camera)
         record = FlightRecorder(folder, RecorderConfig())
         record.figures = world.wire.figures
         world.wire.subscribe(record.received)

@@ -1,0 +1,171 @@
+"""Whether a recorded flight, flown again, comes out as it was recorded: every box, state and setpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+from gcs.config import Config
+from gcs.flight_vision import Seen
+from gcs.recorder.events import Selected
+from gcs.recorder.facts import machine, software
+from gcs.recorder.manifest import Manifest, ManifestError, read_manifest
+from gcs.replay.film import Film
+from gcs.replay.log import FlightLog, FrameRow, ReplayError
+from gcs.tracking import make_tracker
+from gcs.verify.again import Again, recorded_seen, without_picture
+from gcs.verify.compare import EXACT, Comparison, Tolerance
+from gcs.verify.eyes import DivergedError, EyesAgain
+
+# Another processor adds in another order. Of a thousand pictures no box has moved by more; see docs/replay.md.
+ELSEWHERE: Final = Tolerance(absolute=0.05, relative=1e-3)
+
+Progress = Callable[[str], None]
+SeenOf = Callable[[int, FrameRow], Seen]
+
+
+class Start(Enum):
+    """Where to begin: with the pictures, or with the boxes that were recorded."""
+
+    TRACKER = "tracker"
+    CONTROL = "control"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What came out. elsewhere: what is other than it was when it was flown. problems: why less could be compared.
+
+    tracked: pictures through the tracker again. furthest: of floats within the tolerance, by field.
+    """
+
+    folder: str
+    start: Start
+    equal: bool
+    exact: bool
+    tracked: int
+    compared: dict[str, int]
+    differing: dict[str, int]
+    first: str | None
+    furthest: dict[str, float]
+    elsewhere: tuple[str, ...]
+    problems: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        counts = ", ".join(f"{count} {_NAMES[what]}" for what, count in self.compared.items())
+        again = f" ({self.tracked} pictures tracked again)" if self.start is Start.TRACKER else " (boxes as recorded)"
+        if self.exact:
+            said = [f"the same to the last bit: {counts}{again}"]
+        elif self.equal:
+            name, distance = max(self.furthest.items(), key=lambda item: item[1])
+            said = [f"the same within the tolerance: {counts}{again}; furthest apart: {name} by {distance:.2g}"]
+        else:
+            wrong = ", ".join(
+                f"{count} of {self.compared[what]} {_NAMES[what]}" for what, count in self.differing.items()
+            )
+            said = [f"NOT THE SAME: {wrong}{again}", f"first: {self.first}"]
+        said += [f"other than in the flight: {each}" for each in self.elsewhere]
+        return said + [f"note: {problem}" for problem in self.problems]
+
+
+_NAMES: Final = {"Tick": "decisions", "FrameRecord": "frames", "Expected": "expectations"}
+
+
+@dataclass(slots=True)
+class Recorded:
+    """A flight's folder, opened for flying it again. Raises ReplayError or ManifestError where that cannot be."""
+
+    folder: Path
+    log: FlightLog
+    manifest: Manifest
+    config: Config
+    size: tuple[int, int]
+
+    @classmethod
+    def open(cls, folder: Path) -> Recorded:
+        """Of one folder."""
+        manifest = read_manifest(folder)
+        if manifest.video is None:
+            raise ManifestError(f"{folder}: no video was flown by, so there is nothing to fly again")
+        size = manifest.video.width_px, manifest.video.height_px
+        return cls(folder, FlightLog(folder), manifest, manifest.configuration, size)
+
+    def elsewhere(self) -> tuple[str, ...]:
+        """What is other here and now than in the flight; empty: every bit should come out as it was."""
+        then = {**self.manifest.software, **self.manifest.machine}
+        now = {**software(), **machine()}
+        return tuple(
+            f"{name} {now.get(name, 'missing')}, was {then.get(name, 'missing')}"
+            for name in {**then, **now}
+            if now.get(name) != then.get(name)
+        )
+
+    def problems(self) -> tuple[str, ...]:
+        """Of the record."""
+        found = []
+        if self.log.dropped:
+            found.append(f"{self.log.dropped} events were not recorded: what follows them may differ")
+        if self.log.damaged:
+            found.append(f"{self.log.damaged} lines of the log cannot be read")
+        return tuple(found)
+
+
+def verify(folder: Path, start: Start, progress: Progress) -> Verdict:
+    """Fly it again and compare. Raises ReplayError or ManifestError where it cannot be flown again at all."""
+    recorded = Recorded.open(folder)
+    elsewhere, problems = recorded.elsewhere(), list(recorded.problems())
+    comparison = Comparison(ELSEWHERE if elsewhere else EXACT)
+    seen_of: SeenOf = recorded_seen
+    tracked = 0
+    if start is Start.TRACKER:
+        seen, problem = track_again(recorded, recorded.config, progress)
+        tracked = len(seen)
+        problems += [problem] if problem is not None else []
+        seen_of = _of(seen)
+    again = Again(recorded.config, recorded.size, comparison, flown=recorded.config)
+    total = len(recorded.log)
+    for done, _ in enumerate(again.run(recorded.log.with_data(), seen_of)):
+        if done % 2000 == 0:
+            progress(f"decisions: {done / total:.0%}")
+    if not comparison.compared:
+        raise ReplayError(f"{recorded.log.path}: neither a frame nor a decision in it")
+    return Verdict(
+        str(folder), start, comparison.is_equal, comparison.is_exact, tracked, comparison.compared,
+        comparison.differing, None if comparison.first is None else str(comparison.first), comparison.furthest,
+        elsewhere, tuple(problems),
+    )  # fmt: skip
+
+
+def _of(seen: dict[int, Seen]) -> SeenOf:
+    return lambda number, row: seen.get(number) or recorded_seen(number, row)
+
+
+def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple[dict[int, Seen], str | None]:
+    """Every frame through the tracker of this configuration, by number; and why it ended before the last, if it did."""
+    film = Film(recorded.folder)
+    seen: dict[int, Seen] = {}
+    if film.problem is not None:
+        return seen, film.problem
+    weights = recorded.manifest.weights
+    threads = config.tracker.threads if weights is None else weights.threads  # other threads add in another order
+    progress("loading the tracker")
+    tracker = make_tracker(replace(config.tracker, threads=threads))
+    eyes = EyesAgain(tracker, film.picture)
+    total = len(recorded.log)
+    try:
+        for done, (_, number, message) in enumerate(recorded.log):
+            if isinstance(message, Selected):
+                eyes.selected(message)
+            elif isinstance(message, FrameRow) and number is not None:
+                for each in eyes.saw(number, message):
+                    seen[each.frame.seq] = without_picture(each)
+                if done % 20 == 0:
+                    progress(f"tracker: {done / total:.0%}")
+    except DivergedError as error:
+        return seen, f"pictures were tracked again up to frame {max(seen, default=0)} only: {error}"
+    finally:
+        film.close()
+    return seen, None
