@@ -7,4 +7,4 @@ import platform
 # all of x86-64: a flight flown again elsewhere decides the same, bit for bit. The matrices here are too small to be
 # slower for it. NumPy reads it when it is first imported.
 if platform.machine().lower() in ("x86_64", "amd64"):
-    os.environ.setdefault("OPENBLAS_CORETYPE", "Nehalem")
+    os.environ["OPENBLAS_CORETYPE"] = "Nehalem"

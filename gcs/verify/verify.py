@@ -11,7 +11,7 @@ from typing import Final
 from gcs.config import Config
 from gcs.flight_vision import Seen
 from gcs.recorder.events import Selected
-from gcs.recorder.facts import machine, software
+from gcs.recorder.facts import NUMBER_VARIABLES, machine, software
 from gcs.recorder.manifest import Manifest, ManifestError, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, FrameRow, ReplayError
@@ -71,6 +71,13 @@ class Verdict:
         return said + [f"note: {problem}" for problem in self.problems]
 
 
+# What last bits depend on. Decisions are made of the smallest matrices, which gcs/__init__.py has added up in one order
+# on every x86-64; the network's order is the processor's own.
+_CONTROL: Final = ("architecture", "numpy", "scipy", "filterpy")
+_BITS: Final = {
+    Start.CONTROL: _CONTROL,
+    Start.TRACKER: (*_CONTROL, "cpu", "cpu_flags", "torch", "opencv-python-headless", "av", *NUMBER_VARIABLES),
+}
 _NAMES: Final = {"Tick": "decisions", "FrameRecord": "frames", "Expected": "expectations"}
 
 
@@ -93,13 +100,13 @@ class Recorded:
         size = manifest.video.width_px, manifest.video.height_px
         return cls(folder, FlightLog(folder), manifest, manifest.configuration, size)
 
-    def elsewhere(self) -> tuple[str, ...]:
-        """What is other here and now than in the flight; empty: every bit should come out as it was."""
+    def elsewhere(self, start: Start) -> tuple[str, ...]:
+        """What is other here and now than in the flight, of all that last bits depend on; empty: none may differ."""
         then = {**self.manifest.software, **self.manifest.machine}
         now = {**software(), **machine()}
         return tuple(
             f"{name} {now.get(name, 'missing')}, was {then.get(name, 'missing')}"
-            for name in {**then, **now}
+            for name in _BITS[start]
             if now.get(name) != then.get(name)
         )
 
@@ -116,7 +123,7 @@ class Recorded:
 def verify(folder: Path, start: Start, progress: Progress) -> Verdict:
     """Fly it again and compare. Raises ReplayError or ManifestError where it cannot be flown again at all."""
     recorded = Recorded.open(folder)
-    elsewhere, problems = recorded.elsewhere(), list(recorded.problems())
+    elsewhere, problems = recorded.elsewhere(start), list(recorded.problems())
     comparison = Comparison(ELSEWHERE if elsewhere else EXACT)
     seen_of: SeenOf = recorded_seen
     tracked = 0

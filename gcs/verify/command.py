@@ -1,0 +1,39 @@
+"""`gcs replay FLIGHT --verify` and `--with CONFIG`: a recorded flight flown again. Nothing is sent anywhere."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+
+import msgspec
+
+from gcs.errors import EXIT_FAULT
+from gcs.operator.terminal_screen import Screen
+from gcs.recorder.flights import find_flight
+from gcs.verify.tuning import compare_with
+from gcs.verify.verify import Start, verify
+
+
+def main(args: argparse.Namespace) -> int:
+    """The command; 1 where the flight does not come out as it was recorded."""
+    screen = Screen(sys.stderr if args.json else sys.stdout)
+    folder = find_flight(args.flight)
+    start = None if args.from_stage is None else Start(args.from_stage)
+    logging.getLogger("gcs").setLevel(logging.ERROR)  # warnings of then are no news now
+    try:
+        if args.with_config is not None:
+            outcome = compare_with(folder, Path(args.with_config), start, screen.live)
+            status = 0
+        else:
+            outcome = verify(folder, start or Start.TRACKER, screen.live)
+            status = 0 if outcome.equal else EXIT_FAULT
+    finally:
+        screen.end()
+    if args.json:
+        sys.stdout.write(msgspec.json.encode(outcome).decode() + "\n")
+    else:
+        for line in outcome.lines():
+            screen.say(line)
+    return status
