@@ -7,7 +7,7 @@ import contextlib
 import gc
 import importlib
 import sys
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from control.modes import FollowMode
@@ -15,7 +15,6 @@ from gcs.autopilot.actions import VehicleActions
 from gcs.autopilot.mode_control import ModeControl
 from gcs.clock import Clock
 from gcs.config import AutopilotChoice, Config
-from gcs.dryrun.output import prepare_folder
 from gcs.errors import GcsError, VehicleError, VideoError
 from gcs.flight import Flight, Link
 from gcs.flight_camera import run_camera
@@ -26,62 +25,82 @@ from gcs.operator.displays import Displays, stream_url
 from gcs.operator.json_lines import write_lines
 from gcs.operator.orders import Select
 from gcs.operator.terminal import Screen, TerminalOperator, perform
-from gcs.recorder.flight_recorder import TLOG, FlightRecorder
+from gcs.recorder.flight_recorder import FlightRecorder
+from gcs.recorder.folder import FlightFolder, given_folder, new_folder
+from gcs.recorder.recording import Recording, recording
 from gcs.signals import signals
 from gcs.signing import open_signing, security
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
 from gcs.video import VideoSource, open_source
 from gcs.video.frame import redact
+from gcs.video.tap import Tap
 from gcs.wire import Wire
 from tracker.box import Box
 
 
 async def run_shown(options: RunOptions, screen: Screen, displays: Displays, clock: Clock) -> None:
     """Fly until the operator quits or a signal comes. GcsError for what cannot be flown."""
+    config, lines = options.config, Screen(sys.stdout)  # of JSON
+    folder = await asyncio.to_thread(_folder, options)
+    async with recording(folder, config, clock, displays.say) as kept:
+        _starting(f"opening the video {redact(options.video)}", screen, displays)
+        source = await asyncio.to_thread(open_live, options.video, config, kept.film)
+        try:
+            screen.say(f"video: {source.size[0]}x{source.size[1]} px from {source.name}")
+            await _fly_shown(options, source, kept, screen, displays, clock, lines)
+        finally:
+            lines.end()
+            await asyncio.to_thread(source.close)
+    screen.say(f"recorded in {kept.path}: `gcs replay {kept.path}`, `gcs report {kept.path}`")
+
+
+def _folder(options: RunOptions) -> FlightFolder:
+    return new_folder(Path(options.config.recorder.folder)) if options.out is None else given_folder(options.out)
+
+
+def _starting(text: str, screen: Screen, displays: Displays) -> None:
+    screen.live(f"{text} ...")
+    displays.starting(text)
+
+
+async def _fly_shown(
+    options: RunOptions,
+    source: VideoSource,
+    kept: Recording,
+    screen: Screen,
+    displays: Displays,
+    clock: Clock,
+    lines: Screen,
+) -> None:
     config = options.config
-
-    def starting(text: str) -> None:
-        screen.live(f"{text} ...")
-        displays.starting(text)
-
-    lines = Screen(sys.stdout)  # of JSON
-    starting(f"opening the video {redact(options.video)}")
-    source = await asyncio.to_thread(open_live, options.video, config)
-    try:
-        screen.say(f"video: {source.size[0]}x{source.size[1]} px from {source.name}")
-        folder = prepare_folder(options.out) if options.out is not None else None
-        starting(f"loading the tracker, waiting for the vehicle at {options.vehicle}")
-        # Side by side: the one keeps a processor busy, the other mostly waits.
-        loading = asyncio.create_task(asyncio.to_thread(_load, config))
-        await displays.prepare()
-        with recorder(folder, config, displays.say) as record:
-            async with open_link(options.vehicle, config, clock, folder, record) as link:
-                vehicle, secured = link.telemetry.vehicle, security(link.wire.signing, link.wire.vehicle_signs)
-                displays.say(f"vehicle: {vehicle}, {secured}")
-                if not loading.done():
-                    starting("loading the tracker")
-                tracker = await loading
-                watermark = "SIM" if config.vehicle.simulated else None
-                flight = make_flight(link, source, tracker, config, clock, displays.say, record)
-                station = FlightStation(flight, watermark)
-                operator = TerminalOperator(station, screen, lease=displays.lease, clock=clock, plain=options.plain)
-                beside = [operator.run(), *_preselect(station, options.box, displays.say)]
-                if options.json:
-                    beside.append(write_lines(station, displays.lease, clock, lines))
-                async with displays.serve(station) as video:
-                    camera = run_camera(
-                        flight, station, displays.lease, displays.say,
-                        stream_url=None if video is None else stream_url(video, config.video_out),
-                        definition_url=displays.definition_url,
-                    )  # fmt: skip
-                    with signals(flight.stop), contextlib.closing(station):
-                        await fly(flight, *beside, camera)
-        if folder is not None:
-            screen.say(f"recorded in {folder}: `gcs replay {folder}`, `gcs report {folder}`")
-    finally:
-        lines.end()
-        await asyncio.to_thread(source.close)
+    _starting(f"loading the tracker, waiting for the vehicle at {options.vehicle}", screen, displays)
+    # Side by side: the one keeps a processor busy, the other mostly waits.
+    loading = asyncio.create_task(asyncio.to_thread(_load, config))
+    await displays.prepare()
+    watermark = "SIM" if config.vehicle.simulated else None
+    await kept.begin("run", source, options.vehicle, watermark=watermark)
+    async with open_link(options.vehicle, config, clock, kept.record) as link:
+        vehicle, secured = link.telemetry.vehicle, security(link.wire.signing, link.wire.vehicle_signs)
+        displays.say(f"vehicle: {vehicle}, {secured}")
+        if not loading.done():
+            _starting("loading the tracker", screen, displays)
+        tracker = await loading
+        await kept.tracked_by(tracker)
+        flight = make_flight(link, source, tracker, config, clock, displays.say, kept.record)
+        station = FlightStation(flight, watermark)
+        operator = TerminalOperator(station, screen, lease=displays.lease, clock=clock, plain=options.plain)
+        beside = [operator.run(), *_preselect(station, options.box, displays.say)]
+        if options.json:
+            beside.append(write_lines(station, displays.lease, clock, lines))
+        async with displays.serve(station) as video:
+            camera = run_camera(
+                flight, station, displays.lease, displays.say,
+                stream_url=None if video is None else stream_url(video, config.video_out),
+                definition_url=displays.definition_url,
+            )  # fmt: skip
+            with signals(flight.stop), contextlib.closing(station):
+                await fly(flight, *beside, camera)
 
 
 def _load(config: Config) -> BoxTracker:
@@ -95,9 +114,10 @@ def _preselect(station: FlightStation, box: Box | None, say: Callable[[str], Non
     return () if box is None else (perform(station.perform(Select(box)), say),)  # type: ignore[return-value]
 
 
-def open_live(address: str, config: Config) -> VideoSource:
+def open_live(address: str, config: Config, tap: Tap | None = None) -> VideoSource:
     """The video of a flight; recorded video is refused, because what it shows is not where the vehicle is."""
-    source = open_source(address, glass_delay_s=config.camera.assumed_glass_delay_s, reconnect=config.video.reconnect)
+    delay_s, reconnect = config.camera.assumed_glass_delay_s, config.video.reconnect
+    source = open_source(address, glass_delay_s=delay_s, reconnect=reconnect, tap=tap)
     if not source.is_live:
         source.close()
         raise VideoError(f"{address} is recorded video, which can never fly a vehicle; use `gcs dry-run`")
@@ -106,13 +126,10 @@ def open_live(address: str, config: Config) -> VideoSource:
 
 @contextlib.asynccontextmanager
 async def open_link(
-    url: str, config: Config, clock: Clock, folder: Path | None, record: FlightRecorder | None = None
+    url: str, config: Config, clock: Clock, record: FlightRecorder | None = None
 ) -> AsyncIterator[Link]:
     """The vehicle at this address, heard and with telemetry; closed in order afterwards."""
-    tlog = None
-    if folder is not None and config.recorder.tlog:
-        tlog = folder / TLOG
-        tlog.unlink(missing_ok=True)
+    tlog = None if record is None else record.tlog
     signing = await asyncio.to_thread(open_signing, config.vehicle.signing_key, clock)
     system_id = config.vehicle.system_id
     wire = await Wire.open(
@@ -141,20 +158,6 @@ def _choice(name: str) -> AutopilotChoice:
     return AutopilotChoice.PX4 if name == "PX4" else AutopilotChoice.ARDUPILOT
 
 
-@contextlib.contextmanager
-def recorder(folder: Path | None, config: Config, say: Callable[[str], None]) -> Iterator[FlightRecorder | None]:
-    """The flight's record; None without a folder."""
-    if folder is None:
-        yield None
-        return
-    record = FlightRecorder(folder, config.recorder)
-    try:
-        yield record
-    finally:
-        for problem in record.close():
-            say(f"record: {problem}")
-
-
 def make_flight(
     link: Link,
     source: VideoSource,
@@ -167,7 +170,8 @@ def make_flight(
     """A flight as configured, not yet running."""
     watchers = () if record is None else (record,)
     flight = Flight(link, source, tracker, config, clock, say=say, watchers=watchers, journal=record)
-    flight.film = None if record is None else record.film
+    if record is not None:
+        flight.film, flight.record_troubles = record.film, record.troubles
     follow = config.follow
     mode = FollowMode(follow.mode.value)
     flight.control.wanted = Wanted(mode, standoff_m=follow.standoff_m, distance_m=follow.distance_m)

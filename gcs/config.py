@@ -196,13 +196,18 @@ class VehicleConfig:
 
 @dataclass(frozen=True, slots=True)
 class RecorderConfig:
-    """What is kept of a flight or dry run, under `folder`; size_limit_mb: of the message log."""
+    """What is kept of a flight or dry run, under `folder`; size_limit_mb: of the message log.
+
+    keep_gb: of all flights there by their own names (flight-20260504-103000) together; the oldest are removed for the
+    newest. null keeps all.
+    """
 
     folder: str = "out"
     messages: bool = True
     video: bool = True
     tlog: bool = True
     size_limit_mb: float = _ranged(1.0, 2000.0, 100_000.0)
+    keep_gb: float | None = field(default=20.0, metadata={"low": 0.1, "high": 1e6})
 
 
 @dataclass(frozen=True, slots=True)

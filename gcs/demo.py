@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from gcs.app import fly, make_flight, open_link, open_live, recorder
+from gcs.app import fly, make_flight, open_link, open_live
 from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import MonotonicClock
 from gcs.config import Config, GimbalConfig, load
@@ -21,13 +21,14 @@ from gcs.demo_operator import DemoOperator
 from gcs.demo_plot import plot
 from gcs.demo_report import Score, read_truth, score, table
 from gcs.demo_simulator import TRUTH, Simulator, simulator
-from gcs.dryrun.output import prepare_folder
 from gcs.errors import GcsError
 from gcs.flight import Flight
 from gcs.flight_station import FlightStation
 from gcs.operator.config import PageConfig
 from gcs.operator.displays import Displays
 from gcs.operator.terminal import Screen
+from gcs.recorder.folder import FlightFolder, demo_folder
+from gcs.recorder.recording import recording
 from gcs.signals import signals
 from gcs.tracking import BoxTracker, make_tracker
 
@@ -86,7 +87,7 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(outcome.score.to_json() + "\n")
     else:
-        screen.say(f"{table(outcome.score)}\n  see {options.out}/flight.mp4 and plot.png")
+        screen.say(f"{table(outcome.score)}\n  see {options.out}/plot.png, and again: `gcs replay {options.out}`")
     return outcome.exit_code
 
 
@@ -94,12 +95,14 @@ def demo(
     options: DemoOptions, screen: Screen, make: Callable[[Config], BoxTracker] = lambda c: make_tracker(c.tracker)
 ) -> Outcome:
     """Fly and judge. make: the tracker, for tests that bring their own."""
-    folder = prepare_folder(options.out)
-    outcome = asyncio.run(_demo(options, screen, folder, make))
-    return outcome
+    with contextlib.closing(demo_folder(options.out)) as folder:
+        return asyncio.run(_demo(options, screen, folder, make))
 
 
-async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callable[[Config], BoxTracker]) -> Outcome:
+async def _demo(
+    options: DemoOptions, screen: Screen, kept: FlightFolder, make: Callable[[Config], BoxTracker]
+) -> Outcome:
+    folder = kept.path
     tracker = await asyncio.to_thread(make, Config())
     screen.say(f"simulator: {options.personality}, scenario {options.scenario}")
     async with simulator(
@@ -109,7 +112,7 @@ async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callab
         seed=options.seed,
         extra=("--gimbal",) if options.gimbal else (),
     ) as world:
-        operator, interrupted = await _fly(options, world, screen, tracker)
+        operator, interrupted = await _fly(options, world, screen, tracker, kept)
     truth = read_truth(folder / TRUTH)
     spans = operator.spans()
     monitor = world.monitor()
@@ -126,23 +129,25 @@ async def _demo(options: DemoOptions, screen: Screen, folder: Path, make: Callab
 
 
 async def _fly(
-    options: DemoOptions, world: Simulator, screen: Screen, tracker: BoxTracker
+    options: DemoOptions, world: Simulator, screen: Screen, tracker: BoxTracker, folder: FlightFolder
 ) -> tuple[DemoOperator, bool]:
     clock, config = MonotonicClock(), demo_config(world, options.config)
     displays = Displays(config, clock, screen.say)
     await _open(displays, screen)
     try:
-        source = await asyncio.to_thread(open_live, world.video_url, config)
-        try:
-            with recorder(world.folder, config, displays.say) as record:
-                async with open_link(world.vehicle_url, config, clock, world.folder, record) as link:
+        async with recording(folder, config, clock, displays.say) as kept:
+            source = await asyncio.to_thread(open_live, world.video_url, config, kept.film)
+            try:
+                await kept.begin("demo", source, world.vehicle_url, seed=options.seed, watermark="SIM")
+                await kept.tracked_by(tracker)
+                async with open_link(world.vehicle_url, config, clock, kept.record) as link:
                     displays.say(f"vehicle: {link.telemetry.vehicle}")
-                    flight = make_flight(link, source, tracker, config, clock, displays.say, record)
+                    flight = make_flight(link, source, tracker, config, clock, displays.say, kept.record)
                     operator = DemoOperator(flight, world, clock, displays.say, options.seconds, options.seed or 0)
                     return operator, await _watched(flight, operator, displays, screen)
-        finally:
-            screen.end()
-            await asyncio.to_thread(source.close)
+            finally:
+                screen.end()
+                await asyncio.to_thread(source.close)
     finally:
         await displays.close()
 

@@ -107,6 +107,7 @@ class Flight:
         self.seen: Seen | None = None
         self.watchers = watchers
         self.film: Film | None = None
+        self.record_troubles: Callable[[], tuple[str, ...]] = tuple
         self._loop: asyncio.AbstractEventLoop | None = None
         self._spawn: Spawn | None = None
         self._stopping = asyncio.Event()
@@ -297,7 +298,8 @@ class Flight:
             warnings = link_warnings(self.link.wire, self.link.telemetry, now_s)
             warnings += self.gimbal.warnings(now_s) if self.gimbal is not None else ()
         trouble = (f"video: {self.vision.trouble}",) if self.vision.trouble else ()
-        return trouble + warnings + self.glass.warnings()
+        record = tuple(f"record: {each}" for each in self.record_troubles())
+        return trouble + warnings + self.glass.warnings() + record
 
     def status_line(self) -> str:
         """The same in one line."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # OpenCV is for later
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What `gcs run` was asked for; out: a folder for the record, None keeps none. box: selected at once.
+    """What `gcs run` was asked for; out: the record's folder, None makes one. box: selected at once.
 
     plain: the terminal shows lines only. json: the state as JSON lines on stdout.
     """
@@ -54,7 +54,7 @@ def main(args: argparse.Namespace) -> int:
         video=video,
         vehicle=vehicle.url,
         config=replace(config, vehicle=vehicle),
-        out=Path(args.out) if args.out else Path(config.recorder.folder) / "run",
+        out=Path(args.out) if args.out else None,
         box=None if args.box is None else _box(args.box),
         plain=args.plain or args.json,
         json=args.json,

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from typing import TypeAlias
 
 from control.gate import Setpoint
@@ -71,7 +70,7 @@ class Wire:
         url: str,
         *,
         clock: Clock | None = None,
-        tlog: Path | None = None,
+        tlog: TlogWriter | None = None,
         vehicle_system_id: int | None = None,
         system_id: int = SYSTEM_ID,
         component_id: int = COMPONENT_ID,
@@ -80,13 +79,13 @@ class Wire:
     ) -> Wire:
         """Open the link of this URL; WireError if the address is wrong, taken or missing.
 
-        clock: the one whose time the gate is given. tlog: a file that must not exist yet. signing: closed with us.
+        clock: the one whose time the gate is given. tlog: of both directions, left open. signing: closed with us.
         """
         encoder, pin = Encoder(system_id, component_id), VehiclePin(vehicle_system_id, backend)
         endpoint = parse_url(url)
         wire = cls(endpoint, clock or MonotonicClock(), encoder, pin, signing)
         try:
-            wire._tlog = TlogWriter.create(tlog) if tlog is not None else None
+            wire._tlog = tlog
             wire._transport = await open_transport(endpoint, wire._received)
         except BaseException:
             await wire.close()
@@ -284,14 +283,13 @@ class Wire:
             self._tlog.write(frame, time.time())
 
     async def close(self) -> None:
-        """Close the link and the log; sending afterwards does nothing."""
+        """Close the link; sending afterwards does nothing."""
         if self._closed:
             return
         self._closed = True
         transport, self._transport = self._transport, None
         if transport is not None:
             await transport.close()
-        with ThreadPoolExecutor(1) as disk:  # the default executor may be busy with other work for long
-            for kept in (self._tlog, self.signing):
-                if kept is not None:
-                    await asyncio.get_running_loop().run_in_executor(disk, kept.close)
+        if self.signing is not None:
+            with ThreadPoolExecutor(1) as disk:  # the default executor may be busy with other work for long
+                await asyncio.get_running_loop().run_in_executor(disk, self.signing.close)

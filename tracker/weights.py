@@ -174,6 +174,18 @@ def load_parts(path: str | Path, network: ClimRT) -> tuple[str, ...]:
     return manifest.parts
 
 
+def find_weights(name_or_path: str | Path) -> Path:
+    """The file of shipped weights by name, or the path itself. Raises WeightsError for a name that is none."""
+    path = Path(name_or_path)
+    if path.suffix == ".safetensors" or path.exists():
+        return path
+    shipped = DATA / f"{name_or_path}.safetensors"
+    if not shipped.is_file():
+        names = ", ".join(sorted(p.stem for p in DATA.glob("*.safetensors"))) or "none"
+        raise WeightsError(f"{name_or_path}: no shipped weights of that name (there are: {names})")
+    return shipped
+
+
 def load_tracker(
     name_or_path: str | Path = "compact",
     *,
@@ -186,13 +198,7 @@ def load_tracker(
     latent, latent_interval: override the manifest's. threads: CPU threads for PyTorch. Raises WeightsError, and
     ConfigError for latent = climnet with weights that hold no ClimNet.
     """
-    path = Path(name_or_path)
-    shipped = DATA / f"{name_or_path}.safetensors"
-    if path.suffix != ".safetensors" and not path.exists():
-        if not shipped.is_file():
-            names = ", ".join(sorted(p.stem for p in DATA.glob("*.safetensors"))) or "none"
-            raise WeightsError(f"{name_or_path}: no shipped weights of that name (there are: {names})")
-        path = shipped
+    path = find_weights(name_or_path)
     manifest = read_manifest(path)
     config = manifest.tracker if latent is None else replace(manifest.tracker, latent=latent)
     if latent_interval is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from gcs.audit import Audit
 from gcs.config import RecorderConfig
@@ -13,25 +13,68 @@ from gcs.link_meters import LinkFigures
 from gcs.recorder.events import FrameRecord, Received
 from gcs.recorder.film import Film
 from gcs.recorder.message_log import MessageLog
+from gcs.recorder.tlog import TlogWriter
 from gcs.tick import Tick
 
 if TYPE_CHECKING:  # a dry run has no link, and imports none
     from gcs.framing import Message
 
 _FIGURES_S: Final = 1.0
-MESSAGES, TLOG = "messages.jsonl", "flight.tlog"
+MESSAGES, TLOG, FILM = "messages.jsonl", "flight.tlog", "film"
+
+
+class _Part(Protocol):
+    """A file, or some, with a writer of its own."""
+
+    dropped: int
+    problem: str | None
+
+    def close(self) -> None: ...
 
 
 class FlightRecorder:
-    """figures: asked once a second for the link's. Close it after the flight."""
+    """figures: asked once a second for the link's. tlog: for the wire to write. Close it after the flight.
 
-    def __init__(self, folder: Path, config: RecorderConfig, film: Film | None = None) -> None:
-        """folder must exist. film: written by the video source; closed with us."""
+    follows: how often something was followed.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: RecorderConfig,
+        film: Film | None = None,
+        *,
+        with_tlog: bool = False,
+        say: Callable[[str], None] | None = None,
+    ) -> None:
+        """folder must exist. film: written by the video source; closed with us. say: a line to the operator."""
         limit = int(config.size_limit_mb * 1e6)
         self._messages = MessageLog(folder / MESSAGES, size_limit_bytes=limit) if config.messages else None
+        self.tlog = TlogWriter(folder / TLOG) if with_tlog and config.tlog else None
         self.film = film
+        parts: dict[str, _Part | None] = {MESSAGES: self._messages, TLOG: self.tlog, FILM: film}
+        self._parts = {folder / name: part for name, part in parts.items() if part is not None}
+        self._say = say
+        self._said: set[str] = set()
         self.figures: Callable[[float], LinkFigures] | None = None
-        self._figures_due_s = 0.0
+        self._look_due_s = 0.0
+        self._following = False
+        self.follows = 0
+
+    @property
+    def dropped(self) -> int:
+        """Records that were not written, of all parts."""
+        return sum(part.dropped for part in self._parts.values())
+
+    def troubles(self) -> tuple[str, ...]:
+        """What is wrong with the record so far, a line for each part that has failed."""
+        found = []
+        for path, part in self._parts.items():
+            if part.problem is not None:
+                found.append(part.problem)
+            elif part.dropped:
+                found.append(f"{path}: records are missing, the disk or the processor is too slow")
+        return tuple(found)
 
     def note(self, t_s: float, event: object, frame: int | None = None) -> None:
         """Log what came from outside."""
@@ -50,26 +93,30 @@ class FlightRecorder:
     def ticked(self, tick: Tick) -> None:
         """Log the decision."""
         self.note(tick.t_s, tick)
-        if self.figures is not None and tick.t_s >= self._figures_due_s:
-            self._figures_due_s = tick.t_s + _FIGURES_S
-            self.note(tick.t_s, self.figures(tick.t_s))
+        self.follows += tick.held is not None and not self._following
+        self._following = tick.held is not None
+        if tick.t_s >= self._look_due_s:
+            self._look_due_s = tick.t_s + _FIGURES_S
+            if self.figures is not None:
+                self.note(tick.t_s, self.figures(tick.t_s))
+            self.tell()
+
+    def tell(self) -> None:
+        """Say each trouble, once."""
+        for trouble in self.troubles():
+            if self._say is not None and trouble not in self._said:
+                self._said.add(trouble)
+                self._say(f"record: {trouble}")
 
     def audited(self, t_s: float, audit: Audit) -> None:
         """Log the vehicle's parameters."""
         self.note(t_s, audit)
 
     def close(self) -> list[str]:
-        """Finish the files; what went wrong with them, in one line each."""
-        problems = []
-        for part in (self._messages, self.film):
-            if part is None:
-                continue
+        """Finish the files, within some seconds even where a disk is stuck; what went wrong, in one line each."""
+        for part in self._parts.values():
             part.close()
-            if part.problem is not None:
-                problems.append(part.problem)
-            elif part.dropped:
-                problems.append(f"{part.dropped} records were dropped: the disk or the processor was too slow")
-        return problems
+        return list(self.troubles())
 
 
 def frame_record(sighting: Sighting) -> FrameRecord:

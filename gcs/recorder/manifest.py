@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ import msgspec
 
 from gcs.config import Config
 from gcs.errors import GcsError, one_line
+from gcs.video.frame import redact
 
 MANIFEST: Final = "manifest.json"
 FORMAT: Final = 1
@@ -37,10 +39,11 @@ class WeightsFacts(msgspec.Struct, frozen=True):
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):
-    """kind: run, demo or import. started, ended: UTC, ISO 8601; ended: None until the orderly end.
+    """kind: run, demo, dry-run or import. started, ended: UTC, ISO 8601; ended: None until the orderly end.
 
     t_start_s: reading of the flight's monotonic clock at unix_start_s, seconds since 1970. software: version by name.
-    machine: facts by name. config: as `gcs.config.Config`, in plain values. dropped: records that were not written.
+    machine: facts by name. config: as `gcs.config.Config`, in plain values. follows: how often something was followed,
+    None: not known. dropped: records that were not written.
     """
 
     kind: str
@@ -56,6 +59,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     seed: int | None = None
     watermark: str | None = None
     ended: str | None = None
+    follows: int | None = None
     dropped: int = 0
     problems: tuple[str, ...] = ()
     format: int = FORMAT
@@ -74,9 +78,20 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def plain(config: Config) -> dict[str, Any]:
-    """For `Manifest.config`."""
-    values: dict[str, Any] = msgspec.to_builtins(config)
+    """For `Manifest.config`: without the page's token, and addresses without what lets one in."""
+    page = replace(config.page, token=None)
+    values: dict[str, Any] = _redacted(msgspec.to_builtins(replace(config, page=page)))
     return values
+
+
+def _redacted(value: Any) -> Any:
+    match value:
+        case dict():
+            return {key: _redacted(each) for key, each in value.items()}
+        case str():
+            return redact(value)
+        case _:
+            return value
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:

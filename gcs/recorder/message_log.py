@@ -6,28 +6,24 @@ so that they read back bit for bit, which is what a replay needs.
 
 from __future__ import annotations
 
-import logging
 import os
-import queue
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import numpy as np
 
-QUEUE_LENGTH = 4096
-FLUSH_S = 0.5  # a crash of the program loses at most this much
+from gcs.recorder.batch import BatchWriter
 
-log = logging.getLogger(__name__)
+QUEUE_LENGTH: Final = 8192  # half a minute of a disk that stands still
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One line as read back; `data` holds plain JSON values."""
+    """One line; `data`, as read back, holds plain JSON values."""
 
     n: int
     t_s: float
@@ -36,13 +32,8 @@ class Record:
     data: Any
 
 
-class MessageLog:
-    """Takes frozen dataclasses from any thread and never makes the caller wait for the disk.
-
-    wait_when_full: for dry runs, where completeness matters and nobody is flying; otherwise what does not fit
-    in the queue is dropped and counted. A disk error ends the log with one warning, never the run; `problem`
-    then says why.
-    """
+class MessageLog(BatchWriter[tuple[int, float, int | None, object]]):
+    """Takes frozen dataclasses from any thread and never makes the caller wait for the disk."""
 
     def __init__(
         self,
@@ -50,88 +41,32 @@ class MessageLog:
         *,
         wait_when_full: bool = False,
         size_limit_bytes: int | None = None,
-        open_file: Callable[[Path], Any] = lambda path: path.open("wb"),
+        open_file: Callable[[Path], Any] = lambda path: path.open("wb", buffering=0),
     ) -> None:
-        self.path = path
-        self.dropped = 0
-        self.problem: str | None = None
-        self._wait_when_full = wait_when_full
-        self._size_limit_bytes = size_limit_bytes
-        self._open_file = open_file
-        self._encode = encoder().encode
+        """As `BatchWriter`."""
+        self._line = encoder().encode
         self._count = 0
         self._lock = threading.Lock()
-        self._queue: queue.Queue[tuple[int, float, int | None, object] | None] = queue.Queue(QUEUE_LENGTH)
-        self._thread = threading.Thread(target=self._run, name="messages", daemon=True)
-        self._thread.start()
+        super().__init__(
+            path, self._lines, most=QUEUE_LENGTH, wait_when_full=wait_when_full,
+            size_limit_bytes=size_limit_bytes, open_file=open_file,
+        )  # fmt: skip
 
     def write(self, t_s: float, message: object, frame: int | None = None) -> None:
         """Log a frozen dataclass; t_s: the time of the event, frame: seq of the frame it came from."""
         with self._lock:
-            item = (self._count, t_s, frame, message)
+            self.put((self._count, t_s, frame, message))
             self._count += 1
-        if self._wait_when_full:
-            self._queue.put(item)
-            return
-        try:
-            self._queue.put_nowait(item)
-        except queue.Full:
-            self.dropped += 1
 
-    def close(self, timeout_s: float = 5.0) -> None:
-        """Write what is left, for at most timeout_s."""
-        deadline_s = time.monotonic() + timeout_s
-        try:
-            self._queue.put(None, timeout=timeout_s)
-        except queue.Full:
-            return
-        self._thread.join(max(0.0, deadline_s - time.monotonic()))
+    def _lines(self, items: list[tuple[int, float, int | None, object]]) -> bytes:
+        rows = (Record(n, t_s, type(message).__name__, frame, message) for n, t_s, frame, message in items)
+        return b"".join([self._line(row) + b"\n" for row in rows])
 
     def __enter__(self) -> MessageLog:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _run(self) -> None:
-        try:
-            with self._open_file(self.path) as file:
-                self._pump(file)
-        except OSError as error:
-            self._give_up(error.strerror or str(error))
-        except (TypeError, ValueError, msgspec.MsgspecError) as error:
-            # A message that is no JSON is a programming error, but not worth a flight.
-            self._give_up(str(error))
-        if self.problem is not None:
-            while self._queue.get() is not None:
-                self.dropped += 1
-
-    def _pump(self, file: Any) -> None:
-        written = 0
-        flushed_s = time.monotonic()
-        while (item := self._next(file)) is not None:
-            n, t_s, frame, message = item
-            row = {"n": n, "t_s": t_s, "type": type(message).__name__, "frame": frame, "data": message}
-            line = self._encode(row) + b"\n"
-            written += len(line)
-            if self._size_limit_bytes is not None and written > self._size_limit_bytes:
-                raise OSError(f"the size limit of {self._size_limit_bytes} bytes is reached")
-            file.write(line)
-            if time.monotonic() - flushed_s > FLUSH_S:
-                file.flush()
-                flushed_s = time.monotonic()
-
-    def _next(self, file: Any) -> tuple[int, float, int | None, object] | None:
-        """The next message; flushes before it waits for a long time."""
-        try:
-            return self._queue.get(timeout=FLUSH_S)
-        except queue.Empty:
-            file.flush()
-            return self._queue.get()
-
-    def _give_up(self, reason: str) -> None:
-        self.problem = f"{self.path}: {reason}"
-        log.warning("message log stopped: %s", self.problem)
 
 
 def encoder() -> msgspec.json.Encoder:

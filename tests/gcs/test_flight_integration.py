@@ -152,7 +152,7 @@ async def session(
     clock, camera = MonotonicClock(), TruthCamera(mock)
     tracker = TruthTracker(camera)
     try:
-        async with open_link(f"udpin://127.0.0.1:{port}", config, clock, None) as link:
+        async with open_link(f"udpin://127.0.0.1:{port}", config, clock) as link:
             flight = make_flight(link, camera, tracker, config, clock, said.append)
             running = asyncio.create_task(flight.run())
             live = Session(mock, flight, Orders(flight), tracker, monitor, running, said)
@@ -285,5 +285,5 @@ async def test_no_vehicle_is_one_line() -> None:
     config = Config()
     config = replace(config, vehicle=replace(config.vehicle, timeout_s=1.0))
     with pytest.raises(GcsError, match=r"no vehicle at .* within 1 s"):
-        async with open_link(f"udpin://127.0.0.1:{free_port()}", config, MonotonicClock(), None):
+        async with open_link(f"udpin://127.0.0.1:{free_port()}", config, MonotonicClock()):
             pass

@@ -9,7 +9,6 @@ import pytest
 from pymavlink import mavutil
 
 from gcs import codec
-from gcs.errors import WireError
 from gcs.framing import Encoder
 from gcs.recorder.tlog import TlogWriter
 from gcs.wire import Wire
@@ -19,7 +18,8 @@ from tests.gcs.wire_peer import Peer, eventually, free_port, got, heartbeat, set
 async def test_tlog_of_both_directions_opens_in_pymavlink(tmp_path, monkeypatch):
     monkeypatch.setenv("MAVLINK20", "1")
     path, port = tmp_path / "flight.tlog", free_port()
-    wire, peer = await Wire.open(f"udpin://127.0.0.1:{port}", tlog=path), Peer(port)
+    tlog = TlogWriter(path)
+    wire, peer = await Wire.open(f"udpin://127.0.0.1:{port}", tlog=tlog), Peer(port)
     wall_s = time.time()
     peer.send(heartbeat())
     await wire.wait_vehicle(5.0)
@@ -29,6 +29,7 @@ async def test_tlog_of_both_directions_opens_in_pymavlink(tmp_path, monkeypatch)
     wire.send_raw(raw, time.monotonic())
     wire.send_raw(raw, time.monotonic() - 1.0)  # stale: has not left, is not logged
     await wire.close()
+    tlog.close()
     peer.close()
     log = mavutil.mavlink_connection(str(path), dialect="development")
     read = []
@@ -43,22 +44,25 @@ async def test_tlog_of_both_directions_opens_in_pymavlink(tmp_path, monkeypatch)
     assert all(abs(m._timestamp - wall_s) < 60 for m in read)
 
 
-async def test_tlog_never_overwrites(tmp_path):
+def test_tlog_never_overwrites(tmp_path):
     path = tmp_path / "flight.tlog"
     path.write_bytes(b"an earlier flight")
-    with pytest.raises(WireError, match="exists"):
-        await Wire.open("udpin://127.0.0.1:0", tlog=path)
+    tlog = TlogWriter(path)
+    tlog.write(b"frame", 0.0)
+    tlog.close()
+    assert tlog.problem == f"{path}: file exists"
     assert path.read_bytes() == b"an earlier flight"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full (Linux)")
 async def test_full_disk_ends_the_log_and_not_the_flight(link, caplog):
     wire, peer = link
-    full = Path("/dev/full").open("wb", buffering=0)  # noqa: SIM115 (the writer closes it)
-    wire._tlog = tlog = TlogWriter(full, "flight.tlog")
+    wire._tlog = tlog = TlogWriter(Path("/dev/full"), open_file=lambda path: path.open("wb", buffering=0))
     for _ in range(3):
         assert wire.send_heartbeat()
-    await eventually(lambda: tlog.dropped == 3)
     await got(peer, "HEARTBEAT")
+    await eventually(lambda: tlog.problem is not None)
+    tlog.close()
+    assert tlog.dropped == 3
     (record,) = caplog.records
-    assert record.getMessage() == "telemetry log flight.tlog ends here: No space left on device"
+    assert record.getMessage() == "the record ends here: /dev/full: no space left on device"

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.app import fly, make_flight, open_link, open_live, recorder
+from gcs.app import fly, make_flight, open_link, open_live
 from gcs.clock import MonotonicClock
 from gcs.config import CameraConfig, Config
 from gcs.errors import GcsError
@@ -33,6 +33,8 @@ from gcs.flight_control import Tick
 from gcs.flight_orders import Orders
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Acknowledge, Confirm, Select
+from gcs.recorder.folder import given_folder
+from gcs.recorder.recording import Recording, recording
 from gcs.signals import signals
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker, make_tracker
@@ -45,6 +47,7 @@ from tracker.box import Box, TrackResult
 _FPS = 20.0
 _KEPT_TICKS = 20_000  # from the start, so that keeping them is no growth
 _TEXTURE = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
+CONFIG = replace(Config(), camera=CameraConfig(hfov_deg=70.0, mount_rpy_deg=(0.0, -28.0, 0.0)))
 _BOX = Box(320.0, 240.0, 40.0, 40.0)
 
 
@@ -186,22 +189,34 @@ def _options() -> argparse.Namespace:
 
 
 async def _main(options: argparse.Namespace) -> None:
-    config = replace(Config(), camera=CameraConfig(hfov_deg=70.0, mount_rpy_deg=(0.0, -28.0, 0.0)))
-    clock = MonotonicClock()
-    source = open_live(options.video, config) if options.video else ImaginedCamera()
-    if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
-    async with open_link(options.vehicle, config, clock, options.out) as link:
-        network = make_tracker(config.tracker) if options.network else None
+    if options.out is None:
+        await _fly(options, None)
+        return
+    async with recording(given_folder(options.out), CONFIG, MonotonicClock(), _told) as kept:
+        await _fly(options, kept)
+
+
+def _told(text: str) -> None:
+    say(said=text)
+
+
+async def _fly(options: argparse.Namespace, kept: Recording | None) -> None:
+    clock, record = MonotonicClock(), None
+    film = None if kept is None else kept.film
+    source = open_live(options.video, CONFIG, film) if options.video else ImaginedCamera()
+    if kept is not None:
+        await kept.begin("run", source, options.vehicle)
+        record = kept.record
+    async with open_link(options.vehicle, CONFIG, clock, record) as link:
+        network = make_tracker(CONFIG.tracker) if options.network else None
         tracker = BlobTracker() if options.video else ImaginedTracker(link.telemetry, network)
-        with recorder(options.out, config, source, lambda text: say(said=text)) as record:
-            flight = make_flight(link, source, tracker, config, clock, lambda text: say(said=text), record)
-            station = Station(flight)
-            flight.watchers = (*flight.watchers, station)
-            if options.file_limit is not None:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (options.file_limit, options.file_limit))
-            with signals(flight.stop):
-                await fly(flight, station.run())
+        flight = make_flight(link, source, tracker, CONFIG, clock, _told, record)
+        station = Station(flight)
+        flight.watchers = (*flight.watchers, station)
+        if options.file_limit is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (options.file_limit, options.file_limit))
+        with signals(flight.stop):
+            await fly(flight, station.run())
 
 
 if __name__ == "__main__":
