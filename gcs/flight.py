@@ -45,7 +45,7 @@ from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
 from gcs.next import Next
 from gcs.recorder.events import Begun, Expected, Journal, NoJournal, Refusals, Said
-from gcs.recorder.film import Film
+from gcs.recorder.film import FilmSwitch
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
@@ -106,7 +106,7 @@ class Flight:
         self.tick: Tick | None = None
         self.seen: Seen | None = None
         self.watchers = watchers
-        self.film: Film | None = None
+        self.film: FilmSwitch | None = None
         self.record_troubles: Callable[[], tuple[str, ...]] = tuple
         self._loop: asyncio.AbstractEventLoop | None = None
         self._spawn: Spawn | None = None

@@ -12,7 +12,7 @@ from gcs.flight_control import FollowControl
 from gcs.flight_view import Status, Watcher
 from gcs.flight_vision import Seen, Vision
 from gcs.recorder.events import Journal
-from gcs.recorder.film import Film
+from gcs.recorder.film import FilmSwitch
 from gcs.tick import Tick
 
 
@@ -106,7 +106,7 @@ class OrderedFlight(Protocol):
     def auditor(self) -> OrderedAuditor: ...
 
     @property
-    def film(self) -> Film | None: ...
+    def film(self) -> FilmSwitch | None: ...
 
     def abort(self) -> None:
         """Zero now, not with the next tick, and hold."""

@@ -31,7 +31,7 @@ from gcs.link_health import LinkHealth
 from gcs.next import Next
 from gcs.poses import RecordedPoses
 from gcs.recorder.events import Journal, NoJournal
-from gcs.recorder.film import Film
+from gcs.recorder.film import FilmSwitch
 from gcs.tracking import BoxTracker
 from gcs.video import VideoSource
 
@@ -85,7 +85,7 @@ class DryRunFlight:
         self.vehicle = ImaginedVehicle(config.vehicle.takeoff_height_m)
         self.auditor = nobody = NoVehicle()
         self.link = _Link(_Telemetry(self.vehicle, clock), nobody, nobody)
-        self.output, self.gimbal, self.film = NoOutput(), None, Film()
+        self.output, self.gimbal, self.film = NoOutput(), None, FilmSwitch()
         self.vision = Vision(source, tracker, clock, self._deliver)
         self.typed_distance_m = config.follow.distance_m
         self.distance_was_assumed = False

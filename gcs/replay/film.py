@@ -12,6 +12,7 @@ import numpy as np
 from gcs.dryrun.output import MAX_REPEATS
 from gcs.dryrun.record import ANNOTATED
 from gcs.errors import VideoError
+from gcs.recorder.film_reader import FilmReader
 from gcs.replay.log import Entry, FlightLog, FrameRow
 from gcs.video import VideoSource, open_source
 from gcs.video.frame import Image
@@ -26,33 +27,38 @@ _LOOKED_AT: Final = 2000  # messages, for the size of pictures that are not ther
 class Film:
     """Pictures by the frames of the log, quickest when asked for in their order; not to be shared between threads.
 
-    size: (width, height) of the pictures, px. problem: why there are none, in one line.
+    size: (width, height) of the pictures, px.
     """
 
     def __init__(self, folder: Path, log: FlightLog | None = None) -> None:
         """log: of the same folder; the film of a dry run needs it, and so does a guess at the size of none."""
-        self.problem: str | None = None
         self._annotated = _Annotated(folder / ANNOTATED, log) if (folder / ANNOTATED).exists() else None
-        if self._annotated is not None:
-            self.problem = self._annotated.problem
-        else:
-            self.problem = f"{folder}: no film in it, only messages"
-        known = None if self._annotated is None else self._annotated.size
+        self._film = FilmReader(folder) if self._annotated is None else None
+        known = (self._annotated or self._film).size  # type: ignore[union-attr]
+        self.is_there = known is not None
         self.size: tuple[int, int] = known or _assumed_size(log or ())
 
     @property
-    def is_there(self) -> bool:
-        """Whether there are pictures."""
-        return self.is_annotated
+    def problem(self) -> str | None:
+        """Why there is no film, or not all of it, in one line."""
+        part = self._annotated or self._film
+        return None if part is None else part.problem
 
     @property
     def is_annotated(self) -> bool:
         """Whether the overlay is drawn in already, as in the film of a dry run."""
-        return self._annotated is not None and self._annotated.size is not None
+        return self._annotated is not None and self.is_there
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its pictures are those that were tracked, to the last bit."""
+        return self._film is not None and self._film.is_exact
 
     def picture(self, row: FrameRow) -> Image | None:
         """What was tracked; None where it was not filmed."""
-        return None if self._annotated is None else self._annotated.picture_at(row.t_arrival_s)
+        if self._annotated is not None:
+            return self._annotated.picture_at(row.t_arrival_s)
+        return None if row.packet is None or self._film is None else self._film.picture(row.packet)
 
     def picture_of(self, row: FrameRow) -> Image:
         """The same for the eye: grey where it was not filmed."""
@@ -64,8 +70,9 @@ class Film:
 
     def close(self) -> None:
         """Close the files."""
-        if self._annotated is not None:
-            self._annotated.close()
+        for part in (self._annotated, self._film):
+            if part is not None:
+                part.close()
 
 
 def _assumed_size(log: Iterable[Entry]) -> tuple[int, int]:

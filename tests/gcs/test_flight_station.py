@@ -17,7 +17,7 @@ from gcs.flight_view import Sighting
 from gcs.lockstep import loop as lockstep
 from gcs.lockstep.loop import LockstepLoop
 from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, SelectCandidate, SetMode
-from gcs.recorder.film import Film
+from gcs.recorder.film import FilmSwitch
 from tests.gcs.fake_station import Quiet
 from tests.gcs.standing_rig import Standing, standing
 
@@ -73,7 +73,7 @@ async def _follow_and_abort(flown: Standing, station: FlightStation) -> None:
     world = flown.world
     with pytest.raises(RefusedError, match="no film"):
         await station.perform(Record())
-    world.flight.film = Film()
+    world.flight.film = FilmSwitch()
     await station.perform(Record())
     assert station.status().recording is False
     await station.perform(Record(True))
