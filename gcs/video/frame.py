@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -129,6 +129,9 @@ def fingerprint(image_bgr: Image) -> int:
     return xxhash.xxh3_64_intdigest(np.ascontiguousarray(image_bgr).data)
 
 
+_LETS_IN: Final = re.compile(r"(?i)([?&/_](?:user\w*|login|pass\w*|pwd|token|secret|auth\w*|\w*key)=)[^&#/\s]+")
+
+
 def redact(url: str) -> str:
-    """The address without its user name and password, for messages and logs."""
-    return re.sub(r"(?<=://)[^/@\s]+@", "***@", url)
+    """The address without user name, password or other secret, for messages and logs."""
+    return _LETS_IN.sub(r"\1***", re.sub(r"(?<=://)[^/\s]+@", "***@", url))

@@ -157,6 +157,14 @@ def test_unknown_scheme() -> None:
 
 def test_passwords_never_show() -> None:
     assert redact("rtsp://user:secret@10.0.0.2/live") == "rtsp://***@10.0.0.2/live"
+    assert redact("rtsp://user:s@cret@10.0.0.2/live") == "rtsp://***@10.0.0.2/live"
+    assert (
+        redact("rtsp://h/live?channel=1&user=me&password=x%20y&s=1")
+        == "rtsp://h/live?channel=1&user=***&password=***&s=1"
+    )
+    assert redact("rtsp://h:554/user=me_password=x_channel=1.sdp") == "rtsp://h:554/user=***"
+    assert redact("srt://h:9000?passphrase=abcdefghij&mode=caller") == "srt://h:9000?passphrase=***&mode=caller"
+    assert redact("camera:0?width=1280&height=720") == "camera:0?width=1280&height=720"
     assert nominal_fps(90000.0) is None
 
 
