@@ -1,4 +1,4 @@
-"""`gcs replay FLIGHT`: a recorded flight again, in the page or as lines in the terminal. Nothing is sent anywhere."""
+"""`gcs replay FLIGHT`: a recorded flight again, in the page, as lines or as a film. Nothing is sent anywhere."""
 
 from __future__ import annotations
 
@@ -8,92 +8,88 @@ import contextlib
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+
+from tqdm import tqdm
 
 from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.operator.displays import Displays
-from gcs.operator.terminal import Screen
-from gcs.replay.film import Film
-from gcs.replay.log import FlightLog, ReplayError
-from gcs.replay.player import Moment, Player
+from gcs.operator.playback import SPEEDS
+from gcs.operator.terminal_screen import Screen
+from gcs.replay.annotate import write_film
+from gcs.replay.lines import play_json, play_lines
+from gcs.replay.player import Delivered, End, Player
+from gcs.replay.recorded import Recorded, open_recorded
 from gcs.replay.station import ReplayStation
+from gcs.replay.timeline import Glance, glance
 from gcs.signals import signals
 
-_LEAST_SPEED, _MOST_SPEED = 0.1, 20.0
-_LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
+_SHOWN_AFTER_S = 1.0
 
 
 def main(args: argparse.Namespace) -> int:
     """The command."""
     speed = float(args.speed)
-    if not _LEAST_SPEED <= speed <= _MOST_SPEED:
-        raise GcsError(f"--speed {speed:g}: must be from {_LEAST_SPEED:g} to {_MOST_SPEED:g}")
+    if not SPEEDS[0] <= speed <= SPEEDS[1]:
+        raise GcsError(f"--speed {speed:g}: must be from {SPEEDS[0]:g} to {SPEEDS[1]:g}")
+    recorded = open_recorded(Path(args.flight))
     screen, clock = Screen(sys.stdout), MonotonicClock()
-    log, film = open_flight(Path(args.flight))
-    if not args.page:
-        play_lines(log, film, speed, screen, clock)
-        return 0
-    config = with_operator_arguments(Config(), args)
-    with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_play_page(log, film, speed, screen, clock, config))
+    with contextlib.closing(recorded.film):
+        if args.film is not None:
+            screen.say(write_film(recorded, Path(args.film)))
+            return 0
+        with contextlib.suppress(KeyboardInterrupt):
+            if args.page:
+                config = with_operator_arguments(Config(), args)
+                asyncio.run(_play_page(recorded, speed, screen, clock, config))
+            else:
+                _play_lines(recorded, speed, screen, clock, as_json=args.json)
     return 0
 
 
-def open_flight(folder: Path) -> tuple[FlightLog, Film]:
-    """Messages and film of a flight's folder. Raises ReplayError without messages."""
-    if not folder.is_dir():
-        raise ReplayError(f"{folder}: no such folder")
-    log = FlightLog(folder)
-    return log, Film(folder, log)
+def _play_lines(recorded: Recorded, speed: float, screen: Screen, clock: Clock, *, as_json: bool) -> None:
+    if as_json:
+        play_json(recorded, speed, screen.say, clock)
+        return
+    for problem in recorded.problems:
+        screen.say(problem)
+    play_lines(recorded, speed, screen.say, clock)
 
 
-def station_of(film: Film) -> ReplayStation:
-    """For the pictures of this film, or those that stand in for it."""
-    return ReplayStation(film.size, drawn_in=film.is_annotated)
+def glance_of(recorded: Recorded) -> Glance:
+    """With a bar on the terminal where that takes long."""
+    with tqdm(desc="reading", unit="decision", leave=False, delay=_SHOWN_AFTER_S, disable=None) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return glance(recorded.log, recorded.config.control.follow, progress)
 
 
-def play_lines(log: FlightLog, film: Film, speed: float, screen: Screen, clock: Clock) -> None:
-    """Each change as a line with its time, and one now and then."""
-    if film.problem is not None:
-        screen.say(film.problem)
-    station = station_of(film)
-    player = Player(log, film, clock, speed, lambda moment: None)
-    said, due_s = "", log.start_s
-    for moment in player.moments(pictures=False):
-        station.took(moment)
-        headline = station.status().headline
-        if headline != said or moment.t_s >= due_s:
-            said, due_s = headline, moment.t_s + _LINE_S
-            screen.say(f"{moment.t_s - log.start_s:7.1f} s  {station.status_line()}")
-    player.close()
-
-
-async def _play_page(log: FlightLog, film: Film, speed: float, screen: Screen, clock: Clock, config: Config) -> None:
+async def _play_page(recorded: Recorded, speed: float, screen: Screen, clock: Clock, config: Config) -> None:
     displays = Displays(replace(config, page=replace(config.page, enabled=True)), clock, screen.say)
     loop, stopping = asyncio.get_running_loop(), asyncio.Event()
-    station = station_of(film)
+    station = ReplayStation(recorded, glance_of(recorded), displays.say)
 
-    def deliver(moment: Moment | None) -> None:
+    def deliver(delivered: Delivered) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
-            loop.call_soon_threadsafe(take, moment)
+            loop.call_soon_threadsafe(take, delivered)
 
-    def take(moment: Moment | None) -> None:
-        if moment is not None:
-            station.took(moment)
-        else:
-            station.has_ended = True
+    def take(delivered: Delivered) -> None:
+        station.deliver(delivered)
+        if isinstance(delivered, End):
             displays.say("the recording has ended; Ctrl-C leaves")
 
-    player = Player(log, film, clock, speed, deliver)
+    player = station.player = Player(recorded, clock, speed, deliver)
     with signals(stopping.set):
         await displays.open()
         try:
             screen.say(f"page: {displays.url}")
-            if film.problem is not None:
-                displays.say(film.problem)
+            for problem in recorded.problems:
+                displays.say(problem)
             async with displays.serve(station):
                 player.start()
                 await stopping.wait()

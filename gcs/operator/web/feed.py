@@ -15,11 +15,19 @@ from gcs.clock import Clock
 from gcs.flight_control import Tick
 from gcs.flight_view import Sighting
 from gcs.operator.lease import Lease
+from gcs.operator.playback import Playback
 from gcs.operator.station import Station
 from gcs.operator.web.audience import Audience
 from gcs.operator.web.pictures import Pictures
 from gcs.operator.web.report_types import StatusReport
-from gcs.operator.web.reports import candidates_report, frame_report, map_report, status_report
+from gcs.operator.web.reports import (
+    candidates_report,
+    frame_report,
+    map_report,
+    playhead_report,
+    status_report,
+    timeline_report,
+)
 
 STATUS_S: Final = 0.2
 MAP_S: Final = 0.5
@@ -36,6 +44,7 @@ class Feed:
     def __init__(self, station: Station, audience: Audience, pictures: Pictures, lease: Lease, clock: Clock) -> None:
         self._station, self._audience, self._pictures = station, audience, pictures
         self._lease, self._clock = lease, clock
+        self._recording = station if isinstance(station, Playback) else None
         self._told: _Key | None = None
         self._failed: type[Exception] | None = None  # each kind of fault is logged once, not twenty times a second
 
@@ -70,9 +79,16 @@ class Feed:
         data = report.encode()
         other = msgspec.structs.replace(report, in_control=True).encode() if report.controller else data
         self._audience.put_each("status", data, other, report.controller)
+        self._tell_playhead()
+
+    def _tell_playhead(self) -> None:
+        if self._recording is not None:
+            self._audience.put("playhead", playhead_report(self._recording).encode())
 
     def catch_up(self) -> None:
         """Somebody has come: everything as it is now."""
+        if self._recording is not None:
+            self._audience.put("timeline", timeline_report(self._recording).encode())
         self.tell_status()
         self._tell_map()
         newest = self._station.frames.newest
@@ -96,6 +112,7 @@ class Feed:
 
     def _tell_frame(self, sighting: Sighting) -> None:
         self._audience.put("frame", frame_report(sighting).encode())
+        self._tell_playhead()
         if self._audience.wants_picture():
             self._pictures.offer(sighting.seen.frame)
         status = sighting.status

@@ -12,9 +12,10 @@ from gcs.errors import GcsError
 from gcs.operator.attendance import Attendance
 from gcs.operator.lease import Lease
 from gcs.operator.orders import Abort, Confirm, Order
+from gcs.operator.playback import Playback
 from gcs.operator.station import Station
 from gcs.operator.web import protocol as ask
-from gcs.operator.web.translate import order_of
+from gcs.operator.web.translate import order_of, playback_order_of
 from gcs.operator.web.viewer import Viewer
 
 _PENDING: Final = 8  # orders of one viewer at the same time
@@ -66,6 +67,8 @@ class Orders:
             case ask.Confirm():
                 if self._is_meant(viewer, asked):
                     self._start(viewer, asked)
+            case ask.Play() | ask.Seek() | ask.Speed() | ask.Frames():
+                self._steer(viewer, asked)
             case _:
                 if self._may(viewer, asked):
                     self._start(viewer, asked)
@@ -106,6 +109,18 @@ class Orders:
         if problem:
             viewer.answer(asked, False, problem, (problem,))
         return not problem
+
+    def _steer(self, viewer: Viewer, asked: ask.Asked) -> None:
+        order = playback_order_of(asked)
+        if not isinstance(self._station, Playback) or order is None:
+            viewer.answer(asked, False, "this is no recording")
+        elif self._may(viewer, asked):
+            try:
+                self._station.steer(order)
+            except ValueError as error:
+                viewer.answer(asked, False, str(error))
+            else:
+                viewer.answer(asked, True, "")
 
     def _start(self, viewer: Viewer, asked: ask.Asked) -> None:
         if viewer.pending >= _PENDING:

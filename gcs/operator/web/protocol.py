@@ -155,9 +155,34 @@ class Pictures(Message, frozen=True, tag="pictures"):
     on: bool = True
 
 
+class Play(Message, frozen=True, tag="play"):
+    """Of a recording: go on, or stand still; null: the other way round."""
+
+    on: bool | None = None
+
+
+class Seek(Message, frozen=True, tag="seek"):
+    """Of a recording: seconds since its beginning."""
+
+    t_s: _Number
+
+
+class Speed(Message, frozen=True, tag="speed"):
+    """Of a recording: times as fast as it was."""
+
+    times: _Number
+
+
+class Frames(Message, frozen=True, tag="frames"):
+    """Of a recording: so many pictures on, or back."""
+
+    by: Annotated[int, msgspec.Meta(ge=-1000, le=1000)]
+
+
 Asked: TypeAlias = (
     Take | Release | Select | PointAt | Candidate | Candidates | Deselect | HoldBegin | HoldEnd | Confirm | Abort | Ack
     | Mode | Standoff | Step | Distance | Hold | Takeoff | Land | Return | Record | Accept | Ping | Seen | Pictures
+    | Play | Seek | Speed | Frames
 )  # fmt: skip
 
 _DECODER: Final = msgspec.json.Decoder(Asked)

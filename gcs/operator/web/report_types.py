@@ -27,13 +27,14 @@ class Starting(Report, frozen=True, tag="starting"):
 
 
 class Welcome(Report, frozen=True, tag="welcome"):
-    """There is a station; viewer: the name of who is told this."""
+    """There is a station; viewer: the name of who is told this; replay: it is a recording."""
 
     viewer: str
     size: tuple[int, int]
     watermark: str | None
     webrtc: bool
     version: str
+    replay: bool
 
 
 class FrameReport(Report, frozen=True, tag="frame"):
@@ -137,6 +138,41 @@ class AnswerReport(Report, frozen=True, tag="answer"):
     ok: bool
     text: str
     reasons: tuple[str, ...] = ()
+
+
+class StretchReport(msgspec.Struct, frozen=True):
+    """Part of `TimelineReport`."""
+
+    begin_s: float
+    end_s: float
+    state: str
+
+
+class EventReport(msgspec.Struct, frozen=True):
+    """Part of `TimelineReport`."""
+
+    t_s: float
+    kind: str
+    text: str
+
+
+class TimelineReport(Report, frozen=True, tag="timeline"):
+    """Of a recording: what there is to see, in seconds since its beginning."""
+
+    span_s: float
+    stretches: list[StretchReport]
+    events: list[EventReport]
+
+
+class PlayheadReport(Report, frozen=True, tag="playhead"):
+    """Of a recording: where it stands."""
+
+    t_s: float
+    playing: bool
+    ended: bool
+    speed: float
+    frame: int | None
+    unix_s: float | None
 
 
 _PICTURE: Final = struct.Struct("<4I")

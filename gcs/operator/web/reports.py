@@ -8,14 +8,19 @@ from control.engagement import State
 from control.fence import Fence
 from gcs.flight_view import Sighting, Status
 from gcs.latency_budget import Budget
+from gcs.operator.playback import Playback
 from gcs.operator.station import Point, Scene, Station
 from gcs.operator.web.report_types import (
     CandidateReport,
     CandidatesReport,
+    EventReport,
     FenceReport,
     FrameReport,
     MapReport,
+    PlayheadReport,
     StatusReport,
+    StretchReport,
+    TimelineReport,
     VehicleReport,
 )
 from tracker.box import Box
@@ -81,6 +86,29 @@ def map_report(scene: Scene) -> MapReport:
 def candidates_report(station: Station) -> CandidatesReport:
     """What could be selected."""
     return CandidatesReport(boxes=[CandidateReport(each.number, _xywh(each.box)) for each in station.candidates()])
+
+
+def timeline_report(station: Playback) -> TimelineReport:
+    """What a recording has to show."""
+    timeline = station.timeline()
+    return TimelineReport(
+        span_s=round(timeline.span_s, 3),
+        stretches=[StretchReport(round(s.begin_s, 3), round(s.end_s, 3), s.state) for s in timeline.stretches],
+        events=[EventReport(round(e.t_s, 3), e.kind.value, e.text) for e in timeline.events],
+    )
+
+
+def playhead_report(station: Playback) -> PlayheadReport:
+    """Where a recording stands."""
+    head = station.playhead()
+    return PlayheadReport(
+        t_s=round(head.t_s, 3),
+        playing=head.is_playing,
+        ended=head.has_ended,
+        speed=head.speed,
+        frame=head.frame,
+        unix_s=_rounded(head.unix_s, 3),
+    )
 
 
 def _xywh(box: Box) -> tuple[float, ...]:

@@ -218,6 +218,7 @@ class Page:
             watermark=station.watermark,
             webrtc=stage.peers is not None,
             version=stage.version,
+            replay=stage.is_replay,
         )
         viewer.put("station", welcome.encode())
         stage.feed.catch_up()

@@ -13,6 +13,7 @@ from gcs.clock import Clock
 from gcs.operator.attendance import LOOK_S, Absence, Attendance
 from gcs.operator.config import PageConfig
 from gcs.operator.lease import Lease
+from gcs.operator.playback import Playback
 from gcs.operator.station import Station
 from gcs.operator.web import webrtc
 from gcs.operator.web.audience import Audience
@@ -38,7 +39,7 @@ class Stage:
         clock: Clock,
         told: Callable[[Viewer | None, str, str], None],
     ) -> None:
-        self.station = station
+        self.station, self.is_replay = station, isinstance(station, Playback)
         # Read and imported now: a viewer that comes in flight must cost no tick.
         self.peers = Peers(station) if webrtc.is_installed() else None
         self.version = importlib.metadata.version("climrt-gcs")
@@ -96,7 +97,7 @@ class Stage:
         return self._attendance.look(
             now_s,
             max((viewer.heard_s for viewer in viewers), default=-math.inf),
-            engaged=self.station.status().is_engaged,
+            engaged=self.station.status().is_engaged and not self.is_replay,
             elsewhere=holder not in ("", *(viewer.name for viewer in viewers)),
         )
 

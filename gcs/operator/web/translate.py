@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from control.modes import FollowMode
 from gcs.errors import SelectionError
-from gcs.operator import orders
+from gcs.operator import orders, playback
 from gcs.operator.station import Station
 from gcs.operator.web import protocol as ask
 from gcs.video import Frame
@@ -53,6 +53,21 @@ def order_of(asked: ask.Asked, station: Station) -> orders.Order:
             return orders.Accept(name.strip().upper())
         case _:
             raise ValueError(f"{type(asked).__name__} is no order")
+
+
+def playback_order_of(asked: ask.Asked) -> playback.PlaybackOrder | None:
+    """How a recording is to be played; None: it is about something else."""
+    match asked:
+        case ask.Play(on=on):
+            return playback.Play(on)
+        case ask.Seek(t_s=t_s):
+            return playback.Seek(t_s)
+        case ask.Speed(times=times):
+            return playback.Speed(times)
+        case ask.Frames(by=by):
+            return playback.Frames(by)
+        case _:
+            return None
 
 
 def _frame(station: Station, seq: int) -> Frame:

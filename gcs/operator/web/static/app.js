@@ -32,6 +32,7 @@ const page = {
   shown: null, // {seq, image, width, height, frame}: the picture on the screen with what belongs to it
   drawn: null, // the box being drawn
   forceUntil: 0,
+  replay: null, // what plays a recording
 };
 
 const overlay = new Overlay(by("picture"));
@@ -65,7 +66,15 @@ function heard(message) {
     case "map": return map.show(message);
     case "candidates": return targets.heard(message.boxes);
     case "say": return say(message.text);
+    case "timeline": case "playhead": return replayed(message);
   }
+}
+
+/** Of a recording: it is played, not ordered. */
+async function replayed(message) {
+  const { Replay } = await import("./replay.js");
+  page.replay ??= new Replay({ link, help: acts.help });
+  page.replay.heard(message);
 }
 
 function starting({ text: line }) {
@@ -78,6 +87,7 @@ function starting({ text: line }) {
 }
 
 function welcomed(message) {
+  if (page.replay && !message.replay) return location.reload(); // a flight now: its keys abort
   forget();
   Object.assign(page, { welcome: message, starting: "", hadStation: true });
   document.body.dataset.station = "yes";
@@ -86,6 +96,7 @@ function welcomed(message) {
   by("frame").hidden = !message.watermark;
   by("stage").style.setProperty("--ratio", String(message.size[0] / message.size[1]));
   by("webrtc").hidden = !message.webrtc;
+  document.body.toggleAttribute("data-replay", message.replay);
   targets.welcomed();
   refresh();
 }
@@ -104,7 +115,7 @@ function statusCame(status) {
   Object.assign(page, { status, statusAt: performance.now() });
   showStatus(status);
   const state = status.engaging ? "ENGAGING" : status.state.toUpperCase();
-  banner(status.tone, state, status.reasons.join("; ") || hint(status));
+  banner(status.tone, state, status.reasons.join("; ") || (page.welcome?.replay ? "" : hint(status)));
   if (before && WORSE[status.tone] > WORSE[before.tone]) ring(WORSE[status.tone] + 1, 880);
   if (status.in_control || !status.controller) page.forceUntil = 0;
   if (before?.selection !== status.selection) nudge.by = null;
@@ -169,6 +180,7 @@ function refresh() {
     showControl(status, performance.now() < page.forceUntil);
   }
   const age_s = (link.silentMs / 1000).toFixed(1);
+  if (page.replay?.isStill) page.shownAt = performance.now(); // as it was asked to
   const stoppedMs = page.shown ? performance.now() - page.shownAt : 0;
   const isOld = !isLost && welcome !== null && stoppedMs > STALE_MS;
   document.body.dataset.picture = isOld ? "old" : "";
@@ -197,7 +209,7 @@ function showAbort(phase, line) {
 
 const point = pointing(by("picture"), overlay, {
   size,
-  shownSeq,
+  shownSeq: () => (page.replay ? null : shownSeq()),
   drawing: (box) => {
     page.drawn = box;
     redraw();
@@ -224,20 +236,8 @@ async function take() {
   refresh();
 }
 
-function step(by_m) {
-  const { status } = page;
-  if (!status) return;
-  const isFollowing = status.engaging || ["following", "coasting", "lost, holding"].includes(status.state);
-  if (isFollowing) return void order({ do: "step", m: by_m });
-  const from_m = status.standoff_m ?? wantedStandoff_m ?? status.distance_m;
-  if (from_m === null) return say("the distance is not known: set a standoff under Flight");
-  wantedStandoff_m = Math.max(STEP_M, Math.round(from_m + by_m));
-  order({ do: "standoff", m: wantedStandoff_m });
-}
-
-let wantedStandoff_m = null; // for the next confirmation; the station's status tells only the one that is held
-
 const acts = {
+  replayed: (event) => page.replay?.key(event),
   abort: () => {
     following.void("aborted");
     drawing.void("aborted");
@@ -254,8 +254,8 @@ const acts = {
   mode: () => order({ do: "mode", mode: MODES[(MODES.indexOf(page.status?.mode) + 1) % MODES.length] }),
   record: () => order({ do: "record", on: null }),
   ack: () => by("ack").hidden || order({ do: "ack" }),
-  closer: () => step(-STEP_M),
-  farther: () => step(STEP_M),
+  closer: () => following.step(-STEP_M),
+  farther: () => following.step(STEP_M),
   drawer: () => drawing.toggle("drawer"),
   help: () => drawing.toggle("help"),
   webrtc: () => live.toggle(),

@@ -4,6 +4,7 @@ import { Hold, onHeld } from "./hold.js";
 import { by, isTouch, say, showRefusals, text } from "./panels.js";
 
 const ENGAGED = ["following", "coasting", "lost, holding"];
+const LEAST_M = 2;
 const ENDED = ["released", "taken over"];
 
 export class Following {
@@ -11,6 +12,7 @@ export class Following {
     Object.assign(this, { link, order, page });
     this.hold = new Hold((done) => this.progress(done));
     this.basis = "";
+    this.wantedStandoff_m = null; // for the next confirmation; the station's status tells only the one that is held
     onHeld(by("follow"), () => this.press(), () => this.leave());
   }
 
@@ -49,6 +51,17 @@ export class Following {
 
   void(why) {
     this.hold.end(why);
+  }
+
+  /** Farther by so much; nearer where it is negative. */
+  step(by_m) {
+    const { status } = this.page();
+    if (!status) return;
+    if (status.engaging || ENGAGED.includes(status.state)) return void this.order({ do: "step", m: by_m });
+    const from_m = status.standoff_m ?? this.wantedStandoff_m ?? status.distance_m;
+    if (from_m === null) return say("the distance is not known: set a standoff under Flight");
+    this.wantedStandoff_m = Math.max(LEAST_M, Math.round(from_m + by_m));
+    this.order({ do: "standoff", m: this.wantedStandoff_m });
   }
 
   /** Whatever differs from when the button was pressed was not meant. */

@@ -6,7 +6,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 /** The letter as it stands on the key where the layout writes others. */
 const letterOf = (event) => (event.key > "~" && event.code.startsWith("Key") ? event.code.slice(3) : event.key).toLowerCase();
 
-/** acts: what the keys do; acts.held(true/false) for F. */
+/** acts: what the keys do; acts.held(true/false) for F; acts.replayed(event): a recording has taken it. */
 export function keys(acts) {
   const isAbort = (event) => event.code === "Space" || event.key === "Escape";
   const letters = {
@@ -16,6 +16,7 @@ export function keys(acts) {
   };
 
   addEventListener("keydown", (event) => {
+    if (acts.replayed(event)) return;
     if (isAbort(event)) {
       event.preventDefault(); // Space would press the button that has the focus
       event.stopImmediatePropagation();
