@@ -15,6 +15,7 @@ from gcs.errors import VideoError, one_line
 from gcs.recorder.film_index import INDEX, PacketRow, StreamRow
 from gcs.video.frame import Image
 from gcs.video.picture_decoder import PictureDecoder, open_decoder
+from gcs.video.tap import Coding
 
 _FAR: Final = 300  # packets; further on, a key frame near the wanted picture is the quicker way to it
 _TRIES: Final = 3  # key frames gone back to: pictures come later than their packets where some wait for others
@@ -22,12 +23,13 @@ _LOOKED_AT: Final = 500  # packets, for the size of the first picture
 
 
 class FilmPacket(NamedTuple):
-    """data: as the decoder was given it; H.264 and H.265 as Annex B."""
+    """data: as the decoder was given it; H.264 and H.265 as Annex B. coding: of its connection."""
 
     number: int
     t_arrival_s: float
     is_key: bool
     data: bytes
+    coding: Coding
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ class FilmReader:
         """All, in order."""
         for place in self._places:
             row = place.row
-            yield FilmPacket(row.n, row.t_arrival_s, row.key, self._data(place))
+            yield FilmPacket(row.n, row.t_arrival_s, row.key, self._data(place), place.stream.coding)
 
     def picture(self, packet: int) -> Image | None:
         """(height, width, 3) BGR, the newest of those that this packet completed; None where there is none.
