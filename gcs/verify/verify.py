@@ -120,11 +120,14 @@ class Recorded:
         return tuple(found)
 
 
-def verify(folder: Path, start: Start, progress: Progress) -> Verdict:
-    """Fly it again and compare. Raises ReplayError or ManifestError where it cannot be flown again at all."""
+def verify(folder: Path, start: Start, progress: Progress, tolerance: Tolerance | None = None) -> Verdict:
+    """Fly it again and compare. Raises ReplayError or ManifestError where it cannot be flown again at all.
+
+    tolerance: None allows none, but elsewhere than it was flown `ELSEWHERE`.
+    """
     recorded = Recorded.open(folder)
     elsewhere, problems = recorded.elsewhere(start), list(recorded.problems())
-    comparison = Comparison(ELSEWHERE if elsewhere else EXACT)
+    comparison = Comparison(tolerance or (ELSEWHERE if elsewhere else EXACT))
     seen_of: SeenOf = recorded_seen
     tracked = 0
     if start is Start.TRACKER:
