@@ -66,13 +66,20 @@ def draw(image_bgr: Image, overlay: Overlay) -> Image:
     _banner(image, overlay, colour, scale)
     _figures(image, overlay.lines, scale)
     # Above the bands: a target at the picture's edge is about to be lost, and must show most of all.
-    if overlay.predicted is not None and overlay.predicted.is_valid:
-        _brackets(image, overlay.predicted, CYAN, scale)
-    if overlay.box is not None and overlay.box.is_valid:
-        _box(image, overlay.box, colour, scale)
+    image = draw_boxes(image, overlay)
     if overlay.watermark:
         _watermark(image, overlay.watermark, scale)
     return image
+
+
+def draw_boxes(image_bgr: Image, overlay: Overlay) -> Image:
+    """The two boxes alone, drawn into the picture itself; returns it."""
+    scale = _scale(image_bgr)
+    if overlay.predicted is not None and overlay.predicted.is_valid:
+        _brackets(image_bgr, overlay.predicted, CYAN, scale)
+    if overlay.box is not None and overlay.box.is_valid:
+        _box(image_bgr, overlay.box, TONE_COLOURS[overlay.tone], scale)
+    return image_bgr
 
 
 def _scale(image: Image) -> float:

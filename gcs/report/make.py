@@ -1,87 +1,81 @@
-"""`gcs report FLIGHT`: what a recorded flight came to, on one screen."""
+"""`gcs report FLIGHT`: what a recorded flight came to, as one page for a browser and on one screen of text."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from datetime import datetime
+import time
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
-from gcs.dryrun.record import ANNOTATED
-from gcs.recorder.flight_recorder import MESSAGES, TLOG
-from gcs.replay.film import VIDEO
-from gcs.replay.log import FlightLog, ReplayError
+from gcs.config import RecorderConfig
+from gcs.errors import GcsError
+from gcs.operator.terminal_screen import Screen
+from gcs.recorder.flights import find_flight
+from gcs.replay.film import Film
 from gcs.report.figures import Report
-from gcs.report.tally import Tally
+from gcs.report.page import page_of
+from gcs.report.pictures import pictures_of
+from gcs.report.reading import Progress, Reading
 from gcs.report.text import text_of
 
-_TLOG_STAMP_BYTES = 8  # microseconds since 1970, before each message
+PAGE: Final = "report.html"
+_QUIET_S: Final = 2.0
+
+
+class ReportError(GcsError):
+    """A page that cannot be written; names the file."""
 
 
 def main(args: argparse.Namespace) -> int:
     """The command."""
-    report = report_of(Path(args.flight))
+    folder = find_flight(args.flight, Path(RecorderConfig().folder))
     if args.json:
-        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
-    else:
-        sys.stdout.write(text_of(report) + "\n")
+        sys.stdout.write(msgspec.json.encode(report_of(folder)).decode() + "\n")
+        return 0
+    screen = Screen(sys.stderr)
+    report, path = make(folder, None if args.html is None else Path(args.html), _patient(screen))
+    screen.block([])
+    sys.stdout.write(f"{text_of(report)}\n\n  {path}\n")
     return 0
 
 
 def report_of(folder: Path) -> Report:
     """One pass over the messages. Raises ReplayError where there are none."""
-    if not folder.is_dir():
-        raise ReplayError(f"{folder}: no such folder")
-    log = FlightLog(folder)
-    tally = Tally(log.start_s)
-    for entry in log:
-        tally.add(entry)
-    return Report(
-        folder=str(folder),
-        began=_began(folder, log.span_s),
-        lasted_s=log.span_s,
-        autopilot=tally.autopilot,
-        frames=tally.frames,
-        fps=tally.frames / log.span_s if log.span_s > 0 else 0.0,
-        timeline=tuple(tally.events),
-        following=tally.following(),
-        latency_ms=tally.latency_ms(),
-        limits_s=dict(tally.limits_s.most_common()),
-        link=tally.link,
-        audit=tally.audit,
-        longest_pause_s=tally.longest_pause_s,
-        problems=tuple(_problems(folder, log, tally)),
-    )
+    return Reading(folder).report
 
 
-def _began(folder: Path, span_s: float) -> str:
-    """By the raw log's stamps, else by when the messages were last written to."""
-    began_s = (folder / MESSAGES).stat().st_mtime - span_s
+def write_report(folder: Path, path: Path | None = None) -> Path:
+    """The page of a flight; path: report.html in its folder if not said. Raises ReplayError, ReportError."""
+    return make(folder, path)[1]
+
+
+def make(folder: Path, path: Path | None = None, progress: Progress = lambda _: None) -> tuple[Report, Path]:
+    """Report and page. progress: told now and then how far it is."""
+    reading = Reading(folder, progress)
+    progress("pictures")
+    film = Film(folder, reading.log)
     try:
-        with (folder / TLOG).open("rb") as file:
-            stamp = file.read(_TLOG_STAMP_BYTES)
-        if len(stamp) == _TLOG_STAMP_BYTES:
-            began_s = int.from_bytes(stamp, "big") / 1e6
-    except OSError:
-        pass
+        pictures = pictures_of(reading.tally.follow, film) if film.is_there else {}
+    finally:
+        film.close()
+    target = path or folder / PAGE
+    text = page_of(reading.report, reading.tally, pictures, reading.config)
     try:
-        return datetime.fromtimestamp(began_s).astimezone().isoformat(" ", "seconds")
-    except (ValueError, OverflowError, OSError):  # a damaged stamp
-        return "at an unknown time"
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ReportError(f"{target}: {(error.strerror or str(error)).lower()}") from error
+    return reading.report, target
 
 
-def _problems(folder: Path, log: FlightLog, tally: Tally) -> list[str]:
-    found = [f"{text} ({count} frames)" for text, count in tally.problems.most_common()]
-    if log.dropped:
-        found.append(f"{log.dropped} messages were not written: the disk or the processor was too slow")
-    if log.damaged:
-        found.append(f"{log.damaged} messages cannot be read")
-    if log.is_cut:
-        found.append("the last message is cut off: the program did not end in order")
-    if tally.ends_engaged:
-        found.append("the record ends in the middle of a follow: the program did not end in order")
-    if not any((folder / name).exists() for name in (VIDEO, ANNOTATED)):
-        found.append("there is no film")
-    return found
+def _patient(screen: Screen) -> Progress:
+    """A live line from the third second on."""
+    begun_s = time.monotonic()
+
+    def told(text: str) -> None:
+        if time.monotonic() - begun_s > _QUIET_S:
+            screen.live(f"report: {text} ...")
+
+    return told
