@@ -1,0 +1,136 @@
+"""`gcs export FLIGHT`: a recorded flight as an MCAP file."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from heapq import merge
+from operator import itemgetter
+from pathlib import Path
+from typing import IO, Final
+
+import msgspec
+from tqdm import tqdm
+
+from control.camera import CameraModel
+from gcs.config import Config, load
+from gcs.errors import ConfigError
+from gcs.mcap_export.topics import FlightTopics
+from gcs.mcap_export.video import FilmTopics
+from gcs.mcap_export.writer import ExportError, TopicWriter
+from gcs.recorder.film_reader import FilmReader
+from gcs.recorder.flights import find_flight
+from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
+from gcs.replay.log import FlightLog
+
+_MCAP: Final = "flight.mcap"
+_SAID_S: Final = 2.0  # what takes longer shows how far it is
+
+_Due = tuple[float, Callable[[], None]]
+
+
+class Exported(msgspec.Struct, frozen=True):
+    """What was written. topics: number of messages by name; notes: what is missing, in one line each."""
+
+    file: str
+    bytes: int
+    topics: dict[str, int]
+    notes: tuple[str, ...]
+
+
+def main(args: argparse.Namespace) -> int:
+    """The command."""
+    folder = find_flight(args.flight, Path(load(None).recorder.folder))
+    exported = export_flight(folder, Path(args.mcap) if args.mcap else folder / _MCAP)
+    if args.json:
+        sys.stdout.write(msgspec.json.encode(exported).decode() + "\n")
+        return 0
+    for note in exported.notes:
+        sys.stderr.write(f"{note}\n")
+    size_mb, count = exported.bytes / 1e6, sum(exported.topics.values())
+    sys.stdout.write(f"{exported.file}: {size_mb:.1f} MB, {count} messages on {len(exported.topics)} topics\n")
+    return 0
+
+
+def export_flight(folder: Path, path: Path) -> Exported:
+    """Write the file, at once or not at all. Raises ReplayError without a flight, ExportError where it cannot be."""
+    log = FlightLog(folder)
+    if path.exists() and not path.is_file():
+        raise ExportError(f"{path}: is no file that could be written over")
+    draft = path.with_name(f"{path.name}.new")
+    try:
+        with _removed_unless_done(draft), draft.open("wb") as file:
+            counts, notes = _write(folder, log, file)
+        draft.replace(path)
+    except OSError as error:
+        raise ExportError(f"{path}: {(error.strerror or str(error)).lower()}") from error
+    return Exported(str(path), path.stat().st_size, counts, tuple(notes))
+
+
+def _write(folder: Path, log: FlightLog, file: IO[bytes]) -> tuple[dict[str, int], list[str]]:
+    notes: list[str] = []
+    manifest = _manifest(folder, notes)
+    config = _config(manifest, notes)
+    film = FilmReader(folder)
+    notes += [film.problem] if film.problem is not None else []
+    writer = TopicWriter(file, manifest.unix_s if manifest is not None else lambda t_s: t_s)
+    if manifest is not None:
+        facts = {**manifest.software, **manifest.machine, "kind": manifest.kind, "started": manifest.started}
+        writer.note("flight", facts)
+        writer.attach(MANIFEST, "application/json", (folder / MANIFEST).read_bytes(), log.start_s)
+    pictures = FilmTopics(writer)
+    topics = FlightTopics(
+        writer, pictures, config.control.follow, _camera(config, film.size or _said_size(manifest), notes)
+    )
+    entries = tqdm(log, unit=" messages", delay=_SAID_S, leave=False)
+    flight: Iterator[_Due] = ((entry[0], partial(topics.add, entry)) for entry in entries)
+    filmed: Iterator[_Due] = ((packet.t_arrival_s, partial(pictures.add, packet)) for packet in film.packets())
+    for _, put in merge(flight, filmed, key=itemgetter(0)):
+        put()
+    film.close()
+    writer.finish()
+    notes += [pictures.problem] if pictures.problem is not None else []
+    notes += [f"{log.damaged} messages cannot be read"] if log.damaged else []
+    return dict(writer.counts), notes
+
+
+def _manifest(folder: Path, notes: list[str]) -> Manifest | None:
+    try:
+        return read_manifest(folder)
+    except ManifestError as error:
+        notes.append(f"{error}; times are the flight's own, and the camera is taken for the usual one")
+        return None
+
+
+def _config(manifest: Manifest | None, notes: list[str]) -> Config:
+    try:
+        return manifest.configuration if manifest is not None else Config()
+    except ManifestError as error:
+        notes.append(f"{error}; the defaults are used")
+        return Config()
+
+
+def _said_size(manifest: Manifest | None) -> tuple[int, int] | None:
+    video = manifest.video if manifest is not None else None
+    return (video.width_px, video.height_px) if video is not None else None
+
+
+def _camera(config: Config, size: tuple[int, int] | None, notes: list[str]) -> CameraModel | None:
+    """None where its pictures have no known size."""
+    try:
+        return config.camera.model(*size) if size is not None else None
+    except ConfigError as error:
+        notes.append(str(error))
+        return None
+
+
+@contextlib.contextmanager
+def _removed_unless_done(draft: Path) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
