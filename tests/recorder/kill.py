@@ -1,0 +1,164 @@
+"""`python -m tests.recorder.kill 100`: SIGKILL at random moments of recorded flights; then every folder must open.
+
+A real station in a process of its own, with a mock vehicle on a real socket and a camera that sends JPEG over HTTP.
+What is lost is told against what its surroundings saw of it until the kill.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import os
+import random
+import sys
+import tempfile
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from pymavlink import mavutil
+from tqdm import tqdm
+
+from gcs.recorder.film_reader import FilmReader
+from gcs.recorder.flight_recorder import MESSAGES, TLOG
+from gcs.recorder.flights import State, list_flights
+from gcs.recorder.manifest import MANIFEST, read_manifest
+from gcs.recorder.message_log import read_messages
+from gcs.replay.log import FlightLog
+from tests.gcs.mjpeg_server import MjpegServer
+from tests.processes.rig import Station, Wired, station, vehicle
+
+LOST_S = 1.0
+_LONGEST_S = 4.0  # from the manifest to the kill
+_FRAME_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What was lost of each part, s; None: it had not begun a second before, and need not be there."""
+
+    lived_s: float
+    messages_s: float | None
+    tlog_s: float | None
+    film_s: float | None
+
+    @property
+    def worst_s(self) -> float:
+        return max((each for each in (self.messages_s, self.tlog_s, self.film_s) if each is not None), default=0.0)
+
+
+@contextlib.asynccontextmanager
+async def camera() -> AsyncIterator[tuple[str, list[float]]]:
+    """Its address, and when it sent pictures to somebody."""
+    rng, sent_s = np.random.default_rng(1), []
+    pictures = [cv2.resize(rng.integers(0, 256, (120, 160, 3), np.uint8), (640, 480)) for _ in range(4)]
+    jpegs = [cv2.imencode(".jpg", picture)[1].tobytes() for picture in pictures]
+    server = MjpegServer()
+
+    async def film() -> None:
+        while True:
+            server.send_bytes(jpegs[len(sent_s) % len(jpegs)])
+            if server.connections:
+                sent_s.append(time.monotonic())
+            await asyncio.sleep(_FRAME_S)
+
+    filming = asyncio.create_task(film())
+    try:
+        yield server.url, sent_s
+    finally:
+        filming.cancel()
+        await asyncio.to_thread(server.close)
+
+
+async def kill_one(seed: int, folder: Path) -> Loss:
+    """Fly, kill, open. AssertionError where something does not open."""
+    lives_s = random.Random(seed).uniform(0.0, _LONGEST_S)
+    async with vehicle() as w, camera() as (url, sent_s):
+        async with station(w.url, "--video", url, "--out", str(folder)) as s:
+            async with asyncio.timeout(60.0):
+                while not (folder / MANIFEST).exists():
+                    await asyncio.sleep(0.01)
+            await asyncio.sleep(lives_s)
+            kill_s = time.monotonic()
+            s.process.kill()
+            await s.process.wait()
+        return await asyncio.to_thread(_loss, folder, kill_s, lives_s, s, w, sent_s)
+
+
+def _loss(folder: Path, kill_s: float, lives_s: float, s: Station, w: Wired, sent_s: list[float]) -> Loss:
+    manifest = read_manifest(folder)
+    assert [flight.state for flight in list_flights(folder.parent)] == [State.BROKEN_OFF]
+    ticking = any(line["t_s"] < kill_s - LOST_S for line in s.lines if "state" in line)
+    talking = any(heard.t_s < kill_s - LOST_S for heard in w.heard)
+    # The source needs a moment to find out what it is that comes.
+    filming = bool(sent_s) and sent_s[0] < kill_s - 2 * LOST_S and ticking
+    messages_s = tlog_s = film_s = None
+    if ticking:
+        log = FlightLog(folder)
+        assert log.dropped == log.damaged == 0
+        assert sum(1 for _ in log) > 0
+        messages_s = kill_s - max(record.t_s for record in read_messages(folder / MESSAGES))
+    if talking:
+        tlog_s = manifest.unix_s(kill_s) - _tlog_end_s(folder)
+    if filming:
+        reader = FilmReader(folder)
+        packets = list(reader.packets())
+        assert reader.picture(packets[-1].number) is not None
+        film_s = kill_s - packets[-1].t_arrival_s
+        reader.close()
+    return Loss(lives_s, messages_s, tlog_s, film_s)
+
+
+def _tlog_end_s(folder: Path) -> float:
+    """Time of its last message as pymavlink reads it, seconds since 1970."""
+    log = mavutil.mavlink_connection(str(folder / TLOG), dialect="development")
+    end_s = 0.0
+    while (message := log.recv_msg()) is not None:
+        assert message.get_type() != "BAD_DATA"
+        end_s = message._timestamp
+    log.close()
+    return end_s
+
+
+async def campaign(kills: int, beside: int) -> list[Loss]:
+    """So many, some at a time."""
+    losses: list[Loss] = []
+    free = asyncio.Semaphore(beside)
+    bar = tqdm(total=kills, desc="kills", file=sys.stderr)
+
+    async def one(seed: int) -> None:
+        async with free:
+            with tempfile.TemporaryDirectory() as folder:
+                losses.append(await kill_one(seed, Path(folder) / "flight"))
+            bar.update()
+
+    async with asyncio.TaskGroup() as group:
+        for seed in range(kills):
+            group.create_task(one(seed))
+    bar.close()
+    return losses
+
+
+def main(kills: int, beside: int) -> int:
+    """Prints what was lost at most."""
+    os.environ["MAVLINK20"] = "1"
+    losses = asyncio.run(campaign(kills, beside))
+    for name in ("messages_s", "tlog_s", "film_s"):
+        lost = sorted(value for loss in losses if (value := getattr(loss, name)) is not None)
+        if lost:
+            print(f"{name:10} in {len(lost)} flights: median {lost[len(lost) // 2]:.2f} s, most {lost[-1]:.2f} s lost")
+    worst_s = max(loss.worst_s for loss in losses)
+    print(f"{len(losses)} killed, {len(losses)} folders open, at most {worst_s:.2f} s lost")
+    return 0 if worst_s <= LOST_S else 1
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m tests.recorder.kill", description=__doc__)
+    parser.add_argument("kills", nargs="?", type=int, default=100)
+    parser.add_argument("--beside", type=int, default=1, metavar="N", help="flights at a time (default: 1)")
+    given = parser.parse_args()
+    sys.exit(main(given.kills, given.beside))
