@@ -21,7 +21,7 @@ from gcs.recorder.events import Ordered, Said
 from gcs.replay.log import FrameRow
 from gcs.replay.recorded import SHOWN, Recorded
 from gcs.replay.station import ReplayStation
-from gcs.replay.timeline import words_of
+from gcs.replay.timeline import tells_state, words_of
 from gcs.video.frame import Image
 
 _SAID_S: Final = 4.0
@@ -67,7 +67,7 @@ def _draw(recorded: Recorded, writer: _Writer) -> int:
         recorded.moments(), total=len(recorded.log.places(*SHOWN)), desc="film", unit="message", disable=None
     ):
         sighting = station.took(moment)
-        if isinstance(moment.message, Ordered | Said):
+        if isinstance(moment.message, Ordered | Said) and not tells_state(moment.message):
             said, said_s = words_of(moment.message), moment.t_s
         if sighting is None or not isinstance(moment.message, FrameRow):
             continue

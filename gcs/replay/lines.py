@@ -13,7 +13,7 @@ from gcs.operator.web.reports import status_report
 from gcs.recorder.events import Ordered, Refusals, Said
 from gcs.replay.recorded import Moment, Recorded
 from gcs.replay.station import ReplayStation
-from gcs.replay.timeline import words_of
+from gcs.replay.timeline import tells_state, words_of
 
 _LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
 _STATUS_S: Final = 1.0  # the same of JSON lines
@@ -41,7 +41,7 @@ def play_lines(recorded: Recorded, speed: float, say: Say, clock: Clock, sleep: 
 
 def _told(moment: Moment) -> str | None:
     match moment.message:
-        case Ordered() | Said() as message:
+        case Ordered() | Said() as message if not tells_state(message):
             return f"> {words_of(message)}"
         case Refusals(reasons) if reasons:
             return f"cannot follow: {'; '.join(reasons)}"

@@ -18,6 +18,7 @@ from gcs.errors import GcsError
 from gcs.operator.displays import Displays
 from gcs.operator.playback import SPEEDS
 from gcs.operator.terminal_screen import Screen
+from gcs.recorder.flights import find_flight
 from gcs.replay.annotate import write_film
 from gcs.replay.lines import play_json, play_lines
 from gcs.replay.player import Delivered, End, Player
@@ -34,7 +35,7 @@ def main(args: argparse.Namespace) -> int:
     speed = float(args.speed)
     if not SPEEDS[0] <= speed <= SPEEDS[1]:
         raise GcsError(f"--speed {speed:g}: must be from {SPEEDS[0]:g} to {SPEEDS[1]:g}")
-    recorded = open_recorded(Path(args.flight))
+    recorded = open_recorded(find_flight(args.flight, Path(Config().recorder.folder)))
     screen, clock = Screen(sys.stdout), MonotonicClock()
     with contextlib.closing(recorded.film):
         if args.film is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from control.config import FollowConfig
+from control.engagement import State
 from control.fence import Fence
 from gcs.map_paths import target_of
 from gcs.operator.playback import Event, Kind, Stretch, Timeline
@@ -19,6 +20,8 @@ from gcs.tick import Tick
 PATH_S: Final = 1.0
 _PATH_POINTS: Final = 300
 _NOTE_EVERY: Final = 500  # messages
+_ENGAGING: Final = "ENGAGING"
+_STATES: Final = frozenset({_ENGAGING, *(state.value.upper() for state in State)})
 
 
 @dataclass(slots=True)
@@ -84,13 +87,13 @@ class _Making:
         match message:
             case TickRow():
                 self._ticked(t_s, since_s, message.tick)
-            case Ordered() | Said():
+            case Ordered() | Said() if not tells_state(message):
                 kind = Kind.SAID if isinstance(message, Said) else Kind.REFUSED if message.refused else Kind.ORDERED
                 self._events.append(Event(since_s, kind, words_of(message)))
 
     def _ticked(self, t_s: float, since_s: float, tick: Tick) -> None:
         output = tick.output
-        state = "ENGAGING" if output.engaging else output.state.value.upper()
+        state = _ENGAGING if output.engaging else output.state.value.upper()
         if state != self._state:
             self._end(since_s)
             self._state, self._begun_s = state, since_s
@@ -115,7 +118,12 @@ def words_of(message: Ordered | Said) -> str:
     """As the operator is told."""
     if isinstance(message, Said):
         return message.text
-    return f"{message.order}{': refused' if message.refused else ''}: {message.answer}"
+    return f"{message.order}{' refused' if message.refused else ''}: {message.answer}"
+
+
+def tells_state(message: Ordered | Said) -> bool:
+    """It is but the line of a new state, which is shown in any case."""
+    return isinstance(message, Said) and message.text.partition(":")[0] in _STATES
 
 
 def _place_of(tick: Tick) -> Point | None:

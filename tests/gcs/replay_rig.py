@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from gcs.audit import Audit, judge
 from gcs.config import RecorderConfig
-from gcs.dryrun.output import AnnotatedVideo
-from gcs.flight_orders import Orders
+from gcs.flight_orders import Orders, RefusedError
 from gcs.flight_view import Sighting
 from gcs.lockstep import loop as lockstep
+from gcs.lockstep.eyes import HEIGHT_PX, WIDTH_PX
 from gcs.lockstep.loop import LockstepLoop
-from gcs.lockstep.world import Setup
-from gcs.operator.orders import Abort
+from gcs.lockstep.world import UNIX_S, Setup
+from gcs.operator.orders import Abort, Confirm
+from gcs.recorder.events import Begun
+from gcs.recorder.film import Film
 from gcs.recorder.flight_recorder import FlightRecorder
-from gcs.replay.film import VIDEO
+from gcs.recorder.manifest import Manifest, plain, write_manifest
 from gcs.tick import Tick
 from sitl_mocks.vehicle.params import PREPARED
 from tests.faults.script import Flown, engage
 from tests.faults.world import FaultWorld
 
-SIZE = (64, 48)
+SIZE = (WIDTH_PX, HEIGHT_PX)
+RED_BGR = (40, 40, 200)
 
 
 def grey_of(seq: int) -> int:
@@ -31,42 +36,73 @@ def grey_of(seq: int) -> int:
     return 20 + 12 * (seq % 18)
 
 
+def picture_of(sighting: Sighting) -> np.ndarray:
+    """Grey, with a red rectangle where the target is seen."""
+    image = np.full((HEIGHT_PX, WIDTH_PX, 3), grey_of(sighting.seen.frame.seq), np.uint8)
+    result = sighting.seen.result
+    if result is not None and result.visible:
+        x, y, w, h = (round(value) for value in result.box.xywh)
+        cv2.rectangle(image, (x, y), (x + w, y + h), RED_BGR, -1)
+    return image
+
+
 class Filming:
-    """A film whose pictures tell their number by their brightness."""
+    """The record of a flight whose pictures tell their number by their brightness."""
 
     def __init__(self, folder: Path) -> None:
-        self._film = AnnotatedVideo(folder / VIDEO, SIZE, 20.0)
-        self._first_s: float | None = None
+        self.film = Film(folder, held_bytes=10**9)  # a second's work for the disk, all at once
+        self.record = FlightRecorder(folder, RecorderConfig(), self.film)
 
     def saw(self, sighting: Sighting) -> None:
-        frame = sighting.seen.frame
-        self._first_s = frame.t_arrival_s if self._first_s is None else self._first_s
-        image = np.full((SIZE[1], SIZE[0], 3), grey_of(frame.seq), np.uint8)
-        self._film.write(image, frame.t_arrival_s - self._first_s)
+        seen = sighting.seen
+        packet = self.film.picture(picture_of(sighting), seen.frame.t_arrival_s)
+        self.record.saw(replace(sighting, seen=replace(seen, frame=replace(seen.frame, packet=packet))))
 
     def ticked(self, tick: Tick) -> None:
-        """No picture."""
+        self.record.ticked(tick)
 
     def audited(self, t_s: float, audit: Audit) -> None:
-        """No picture."""
+        self.record.audited(t_s, audit)
 
-    def close(self) -> None:
-        self._film.close()
+
+def _describe(folder: Path, setup: Setup, start_s: float) -> None:
+    write_manifest(
+        folder,
+        Manifest(
+            kind="run", started="2026-01-01T00:00:00Z", t_start_s=start_s, unix_start_s=UNIX_S, software={}, machine={},
+            config=plain(setup.config), watermark="SIM",
+        ),
+    )  # fmt: skip
+
+
+async def _refused(orders: Orders) -> None:
+    try:
+        await orders.perform(Confirm())
+    except RefusedError:
+        return
+    raise AssertionError("confirmed without a target")
 
 
 def record_flight(folder: Path) -> Path:
-    """Selected, confirmed, followed for 2 s, out of sight for 1 s, followed again for 1 s, aborted."""
+    """Refused, selected, confirmed, followed for 2 s, out of sight for 1 s, followed again for 1 s, aborted."""
 
     async def main(loop: LockstepLoop) -> None:
-        world = FaultWorld(loop, Setup(3))
-        record = FlightRecorder(folder, RecorderConfig())
-        record.figures = world.wire.figures
+        setup = Setup(3)
+        world = FaultWorld(loop, setup)
+        _describe(folder, setup, loop.time())
         filming = Filming(folder)
-        world.flight.watchers = (*world.flight.watchers, record, filming)
+        record, orders = filming.record, Orders(world.flight)
+        record.figures = world.wire.figures
+        world.wire.subscribe(record.received)
+        world.flight.journal = record
+        record.note(loop.time(), Begun())
+        world.flight.watchers = (*world.flight.watchers, filming)
         stepping = loop.create_task(world.run())
         await world.wire.wait_vehicle(1.0)
         flight = loop.create_task(world.flight.run())
         flown = Flown()
+        await asyncio.sleep(0.2)
+        await _refused(orders)
         await engage(world, flown, lambda: None)
         assert not flown.refusal
         world.target.speed_mps = 2.0
@@ -75,14 +111,13 @@ def record_flight(folder: Path) -> Path:
         await asyncio.sleep(1.0)
         world.eyes.hidden = False
         await asyncio.sleep(1.0)
-        await Orders(world.flight).perform(Abort())
+        await orders.perform(Abort())
         await asyncio.sleep(0.5)
         record.audited(loop.time(), judge("PX4", {**PREPARED[world.setup.personality], "NAV_DLL_ACT": 0.0}))
         stepping.cancel()
         flight.cancel()
         await asyncio.gather(stepping, flight, return_exceptions=True)
         assert record.close() == []
-        filming.close()
 
     lockstep.run(main)
     return folder

@@ -1,34 +1,27 @@
-"""A flight flown in simulated time, played again and summed up; whole, broken off, and without its film."""
+"""A flight flown in simulated time, shown again: whole, broken off, without its film."""
 
 from __future__ import annotations
 
-import argparse
-import asyncio
-import json
+import math
 import re
 import shutil
-import signal
-import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
-import aiohttp
 import pytest
 
 from control.engagement import State
 from gcs.audit import Audit
-from gcs.clock import FakeClock
-from gcs.errors import GcsError
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Select
+from gcs.operator.playback import Kind
 from gcs.recorder.flight_recorder import MESSAGES
-from gcs.replay import play as replay
-from gcs.replay.film import VIDEO
+from gcs.recorder.manifest import MANIFEST
 from gcs.replay.log import FlightLog, FrameRow, ReplayError, TickRow
-from gcs.replay.play import open_flight, station_of
-from gcs.replay.player import Moment, Player
+from gcs.replay.play import glance_of
+from gcs.replay.recorded import open_recorded
 from gcs.replay.station import NoOrdersError, ReplayStation
-from gcs.report import make as report
 from gcs.tick import Tick
 from tests.gcs.replay_rig import SIZE, grey_of, record_flight
 from tracker.box import Box
@@ -44,18 +37,12 @@ def folder(flown: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(flown, tmp_path / "copy"))
 
 
-class Running(FakeClock):
-    """Time passes whenever somebody looks: nothing has to be waited for."""
-
-    def now_s(self) -> float:
-        return self.advance(0.0001)
-
-
 class Watching:
     def __init__(self) -> None:
         self.seen: list[Sighting] = []
         self.ticks: list[Tick] = []
         self.audits: list[Audit] = []
+        self.said: list[str] = []
 
     def saw(self, sighting: Sighting) -> None:
         self.seen.append(sighting)
@@ -71,14 +58,13 @@ def played(
     folder: Path, look: Callable[[ReplayStation], object] = lambda station: None
 ) -> tuple[Watching, ReplayStation]:
     """The whole flight at once; look: called after each moment."""
-    log, film = open_flight(folder)
-    station, watching = station_of(film), Watching()
+    recorded, watching = open_recorded(folder), Watching()
+    station = ReplayStation(recorded, glance_of(recorded), watching.said.append)
     station.watch(watching)
-    player = Player(log, film, Running(), 1e6, lambda moment: None)
-    for moment in player.moments():
+    for moment in recorded.moments():
         station.took(moment)
         look(station)
-    player.close()
+    recorded.film.close()
     return watching, station
 
 
@@ -92,10 +78,11 @@ def test_everything_happens_again_as_it_was(flown: Path) -> None:
             states.append(status.headline)
         if status.state is State.FOLLOWING:
             distances.append((status.distance_m, status.standoff_m))
+            assert status.budget is not None
 
     watching, station = played(flown, look)
     assert station.watermark == "REPLAY"
-    assert states[1:4] == ["IDLE", "SELECTED", "ENGAGING"]
+    assert states[1:4] == ["IDLE", "IDLE: no target is selected", "SELECTED"]
     assert "COASTING: the target is not seen" in states
     assert states[-1] == "RELEASED: the operator stopped it"
     assert len(watching.audits) >= 1
@@ -103,220 +90,147 @@ def test_everything_happens_again_as_it_was(flown: Path) -> None:
     assert all(tick.setpoint is None for tick in watching.ticks)  # what has been sent cannot be sent again
     assert distances
     assert all(distance is not None and standoff is not None for distance, standoff in distances)
+    assert station.status().link.endswith("as recorded")
+
+
+def test_the_map_shows_the_ways_over_the_ground_and_the_fence_of_the_flight(flown: Path, tmp_path: Path) -> None:
+    lengths = []
+    _, station = played(flown, lambda station: lengths.append(len(station.scene().vehicle_path_m)))
     scene = station.scene()
     assert len(scene.vehicle_path_m) > 4
+    assert lengths == sorted(lengths)
     assert scene.target_path_m
-    status = station.status()
-    assert status.budget is not None
-    assert status.link.endswith("as recorded")
+    assert scene.fence == open_recorded(flown).config.control.limits.fence
+    bare = Path(shutil.copytree(flown, tmp_path / "bare"))
+    (bare / MANIFEST).unlink()  # as dry runs of earlier versions are
+    assert played(bare)[1].scene().fence is None
 
 
-def test_each_frame_comes_with_its_own_picture_and_no_second_overlay(flown: Path) -> None:
+def test_lens_and_time_of_day_are_those_of_the_manifest(folder: Path) -> None:
+    recorded = open_recorded(folder)
+    assert recorded.hfov_rad == recorded.config.camera_model(*SIZE).hfov_rad
+    station = ReplayStation(recorded)
+    for moment in recorded.moments(pictures=False):
+        station.took(moment)
+    head, manifest = station.playhead(), recorded.manifest
+    assert manifest is not None
+    assert head.unix_s == pytest.approx(manifest.unix_start_s + head.t_s, abs=0.1)
+    text = (folder / MANIFEST).read_text()
+    (folder / MANIFEST).write_text(re.sub(r'"radius_m": [\d.]+', '"radius_m": -5', text))
+    assert any("configuration" in problem for problem in open_recorded(folder).problems)
+    (folder / MANIFEST).write_text(text[:100])
+    damaged = open_recorded(folder)
+    assert any("not a manifest" in problem for problem in damaged.problems)
+    assert damaged.hfov_rad == math.radians(70)
+
+
+def test_what_was_ordered_said_and_refused_is_told_again(flown: Path) -> None:
+    refused = set()
+    watching, station = played(flown, lambda station: refused.update(station.refusals()))
+    said = "\n".join(watching.said)
+    assert "follow refused: " in said
+    assert "abort: abort: zero, then hold" in said
+    assert refused
+    events = station.timeline().events
+    assert [event.t_s for event in events] == sorted(event.t_s for event in events)
+    assert [event.text for event in events].count("FOLLOWING") == 2  # after the loss again, each told once
+    assert {Kind.STATE, Kind.ORDERED, Kind.REFUSED} <= {event.kind for event in events}
+    stretches = station.timeline().stretches
+    assert [stretch.state for stretch in stretches][:3] == ["NO VIDEO", "IDLE", "SELECTED"]
+    assert "COASTING" in [stretch.state for stretch in stretches]
+    assert all(a.end_s == b.begin_s for a, b in pairwise(stretches))
+
+
+def test_each_frame_comes_with_its_own_picture_its_box_and_its_prediction(flown: Path) -> None:
     watching, station = played(flown)
     assert station.size == SIZE
-    assert len(watching.seen) > 80
-    for sighting in watching.seen:
-        frame = sighting.seen.frame
-        assert int(frame.image_bgr[24, 32, 0]) == pytest.approx(grey_of(frame.seq), abs=5)
-        assert sighting.seen.result is None
+    rows = [message for _, _, message in FlightLog(flown) if isinstance(message, FrameRow)]
+    numbers = [number for _, number, message in FlightLog(flown) if isinstance(message, FrameRow)]
+    assert len(watching.seen) == len(rows) > 80
+    for sighting, row, number in zip(watching.seen, rows, numbers, strict=True):
+        assert number is not None
+        assert int(sighting.seen.frame.image_bgr[2, 2, 0]) == pytest.approx(grey_of(number), abs=3)
+        assert sighting.seen.result == row.tracked
+        assert sighting.predicted == row.predicted
+    assert any(row.predicted is not None for row in rows)
     newest = station.frames.newest
     assert newest is not None
     assert newest.seq == watching.seen[-1].seen.frame.seq
 
 
-def test_it_keeps_the_pace_it_is_given(flown: Path) -> None:
-    log, film = open_flight(flown)
-    clock, waits = FakeClock(10.0), []
-    player = Player(log, film, clock, 4.0, lambda moment: None)
-
-    def wait(seconds: float) -> bool:
-        waits.append(seconds)
-        clock.advance(seconds)
-        return False
-
-    player._stop.wait = wait  # type: ignore[method-assign, assignment]
-    moments = list(player.moments(pictures=False))
-    player.close()
-    assert sum(waits) == pytest.approx(log.span_s / 4)
-    assert [m.t_s for m in moments] == sorted(m.t_s for m in moments)
-
-
-def test_pictures_that_come_too_late_are_left_out_but_no_decision(flown: Path) -> None:
-    log, film = open_flight(flown)
-    clock = Running()
-    player = Player(log, film, clock, 1e6, lambda moment: None)
-    moments: list[Moment] = []
-    for moment in player.moments():
-        clock.advance(0.25)
-        moments.append(moment)
-    player.close()
-    frames = [m for m in moments if isinstance(m.message, FrameRow)]
-    assert sum(m.image_bgr is not None for m in frames) <= 1
-    assert sum(isinstance(m.message, TickRow) for m in moments) > 80
-
-
 async def test_it_takes_no_orders(flown: Path) -> None:
-    _, film = open_flight(flown)
-    station = station_of(film)
+    station = ReplayStation(open_recorded(flown))
     for order in (Abort(), Select(Box(30.0, 30.0, 10.0, 10.0))):
         with pytest.raises(NoOrdersError, match="takes no orders"):
             await station.perform(order)
 
 
 def test_a_flight_broken_off_plays_as_far_as_it_went(folder: Path) -> None:
-    """As a killed program leaves it: a film without its index, a last line cut off."""
+    """As a killed program leaves it: a film that ends in a picture, a last line cut off."""
     whole = (folder / MESSAGES).read_bytes()
     (folder / MESSAGES).write_bytes(whole[: len(whole) * 2 // 3])
-    film = (folder / VIDEO).read_bytes()
-    (folder / VIDEO).write_bytes(film[: film.rindex(b"moov") - 4])
-    log, broken = open_flight(folder)
-    assert log.is_cut
-    assert broken.problem is not None
-    assert "cannot be played" in broken.problem
+    film = folder / "film.mjpeg"
+    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    recorded = open_recorded(folder)
+    assert recorded.log.is_cut
     watching, station = played(folder)
-    assert station.size == (640, 480)
+    assert station.size == SIZE
     assert len(watching.seen) > 50
     last = watching.seen[-1].seen
-    assert last.frame.image_bgr.shape == (480, 640, 3)
-    assert len(set(last.frame.image_bgr.ravel().tolist())) == 1
-    assert last.result is not None  # there is no overlay in a grey picture: the page draws it
+    assert last.frame.image_bgr.shape == (SIZE[1], SIZE[0], 3)
+    assert last.result is not None
     assert watching.ticks[-1].output.state in (State.FOLLOWING, State.COASTING)
-    assert any("middle of a follow" in said for said in report.report_of(folder).problems)
     assert station.status().reasons != ("the recording has ended",)
     station.has_ended = True
     assert station.status().reasons == ("the recording has ended",)
-    (folder / VIDEO).unlink()
-    assert "no film" in (open_flight(folder)[1].problem or "")
+
+
+def test_without_its_film_the_pictures_are_grey(folder: Path) -> None:
+    for film in folder.glob("film.*"):
+        film.unlink()
+    assert any("no film" in problem for problem in open_recorded(folder).problems)
+    watching, station = played(folder)
+    last = watching.seen[-1].seen
+    assert len(set(last.frame.image_bgr.ravel().tolist())) == 1
+    assert last.result is not None  # the page draws it
+    assert station.size == (640, 480)
 
 
 def test_lines_that_cannot_be_read_are_left_out_and_counted(folder: Path) -> None:
     lines = (folder / MESSAGES).read_bytes().splitlines(keepends=True)
+    ticks = [at for at, line in enumerate(lines) if b'"type":"Tick"' in line]
     lines[10] = b"\xff\xfe nothing\n"
-    lines[20] = lines[20].replace(b'"inputs"', b'"outputs"')
-    del lines[30:33]
+    lines[ticks[20]] = lines[ticks[20]].replace(b'"inputs"', b'"outputs"')
+    del lines[ticks[30] : ticks[30] + 3]
     (folder / MESSAGES).write_bytes(b"".join(lines))
     log = FlightLog(folder)
-    assert len(list(log)) >= len(lines) - 2
-    assert log.damaged in (1, 2)  # the second only where a decision stood there
+    assert len(list(log)) == len(lines) - 2
+    assert log.damaged == 2
     assert log.dropped == 3
     assert not log.is_cut
 
 
 def test_a_folder_without_a_flight_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(ReplayError, match="no such folder"):
-        open_flight(tmp_path / "none")
+        open_recorded(tmp_path / "none")
     with pytest.raises(ReplayError, match="no such file"):
-        open_flight(tmp_path)
+        open_recorded(tmp_path)
     (tmp_path / MESSAGES).write_bytes(b'{"n":0,"t_s":1.0,"type":"Tracked","frame":0,"data":{}}\n')
     with pytest.raises(ReplayError, match="no flight in it"):
-        open_flight(tmp_path)
+        open_recorded(tmp_path)
     (tmp_path / MESSAGES).write_bytes(b'{"n":0,"t_s":1.0,"type":"Tick","frame":null,"data":{"would_be":null}}\n')
     with pytest.raises(ReplayError, match="no message of a flight"):
-        open_flight(tmp_path)
+        open_recorded(tmp_path)
 
 
-def args(folder: Path, **more: object) -> argparse.Namespace:
-    return argparse.Namespace(flight=str(folder), **{"speed": 20.0, "page": False, "port": None, "json": False, **more})
-
-
-def test_without_a_page_the_flight_is_a_few_lines(
-    flown: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(replay, "MonotonicClock", Running)
-    monkeypatch.setattr(replay, "_MOST_SPEED", 1e7)
-    assert replay.main(args(flown, speed=1e6)) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert 6 < len(lines) < 20
-    assert "FOLLOWING" in "".join(lines)
-    assert lines[-1].lstrip()[0].isdigit()
-    assert "RELEASED: the operator stopped it" in lines[-1]
-    with pytest.raises(GcsError, match="--speed"):
-        replay.main(args(flown, speed=0.0))
-
-
-async def test_the_page_shows_it_on_a_real_socket(flown: Path) -> None:
-    """`gcs replay` itself: page, thread, watermark, and a refused order, through HTTP."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "gcs.cli", "replay", str(flown), "--port", "0",
-        stdout=asyncio.subprocess.PIPE,
-    )  # fmt: skip
-    assert process.stdout is not None
-    try:
-        line = (await process.stdout.readline()).decode()
-        found = re.search(r"(http://\S+)/\?token=(\S+)", line)
-        assert found is not None, line
-        async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as session:
-            url = found.group(1)
-            await session.get(f"{url}/", params={"token": found.group(2)})
-            async with session.ws_connect(f"{url}/ws", headers={"Origin": url}) as ws:
-                kinds: set[str] = set()
-                while not {"welcome", "frame", "status", "picture"} <= kinds:
-                    message = await asyncio.wait_for(ws.receive(), 20.0)
-                    if message.type is aiohttp.WSMsgType.BINARY:
-                        kinds.add("picture")
-                        continue
-                    data = json.loads(message.data)
-                    kinds.add(data["type"])
-                    if data["type"] == "welcome":
-                        assert data["watermark"] == "REPLAY"
-                        assert tuple(data["size"]) == SIZE
-                    if data["type"] == "frame":
-                        assert data["box"] is None
-    finally:
-        process.send_signal(signal.SIGINT)
-    assert await process.wait() == 0
-
-
-def test_the_report_tells_what_happened(flown: Path) -> None:
-    found = report.report_of(flown)
-    assert found.autopilot == "PX4"
-    follow = found.following
-    assert follow.confirmations == 1
-    assert follow.seen_s + follow.unseen_s == pytest.approx(4.0, abs=0.5)
-    assert (follow.losses, follow.reacquired) == (1, 1)
-    assert follow.longest_loss_s == pytest.approx(0.75, abs=0.3)
-    assert follow.bearing_rms_deg is not None
-    assert 0.1 < follow.bearing_rms_deg < 5.0
-    assert follow.distance_rms_frac is not None
-    assert 0.001 < follow.distance_rms_frac < 0.5
-    assert found.latency_ms["total"].median_ms == pytest.approx(130, abs=20)
-    assert found.latency_ms["glass"].median_ms == pytest.approx(60, abs=1)
-    assert found.limits_s
-    assert found.link is not None
-    assert found.link.setpoints_sent > 60
-    assert found.audit is not None
-    assert any("NAV_DLL_ACT is 0" in said for said in found.audit.said)
-    told = [(event.kind, event.text) for event in found.timeline]
-    for wanted in (
-        ("operator", "confirms"),
-        ("state", "ENGAGING"),
-        ("operator", "aborts"),
-        ("vehicle", "external, armed"),
-    ):
-        assert wanted in told
-    assert found.longest_pause_s == pytest.approx(0.05, abs=0.01)
-    assert found.problems == ()
-
-
-def test_the_report_fits_a_screen_and_has_a_json_twin(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert report.main(args(flown)) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) < 45
-    assert max(map(len, lines)) <= 100
-    text = "\n".join(lines)
-    for word in ("followed", "lost", "bearing error", "distance error", "latency", "link", "RELEASED"):
-        assert word in text
-    assert report.main(args(flown, json=True)) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["following"]["confirmations"] == 1
-
-
-def test_a_report_names_what_was_wrong_with_the_record(folder: Path) -> None:
-    lines = (folder / MESSAGES).read_bytes().splitlines(keepends=True)
-    del lines[30:35]
-    (folder / MESSAGES).write_bytes(b"".join(lines)[:-20])
-    (folder / VIDEO).unlink()
-    said = " ".join(report.report_of(folder).problems)
-    assert "5 messages were not written" in said
-    assert "cut off" in said
-    assert "no film" in said
+def test_messages_are_found_by_time_and_kind(flown: Path) -> None:
+    log = FlightLog(flown)
+    ticks = log.places(TickRow)
+    assert [message for _, _, message in log.read(ticks[:3])] == [m for _, _, m in log if isinstance(m, TickRow)][:3]
+    place = log.place_at(log.start_s + 3.0)
+    assert log.time_s(place - 1) <= log.start_s + 3.0 < log.time_s(place)
+    before, after = log.newest(TickRow, place), log.next(TickRow, place)
+    assert before is not None
+    assert after == ticks[ticks.index(before) + 1]
+    assert log.next(TickRow, ticks[-1] + 1) is None
+    assert log.newest(TickRow, 0) is None

@@ -145,7 +145,7 @@ export class Replay {
     const { events } = this.timeline, here_s = this.wanted_s ?? this.head.t_s;
     const starts = events.filter(({ t_s }, at) => at === 0 || t_s - events[at - 1].t_s > EVENT_S);
     const found = way > 0 ? starts.find(({ t_s }) => t_s > here_s + 0.1) : starts.findLast(({ t_s }) => t_s < here_s - EVENT_S);
-    if (found) this.seek(found.t_s);
+    if (found) this.seek(found.t_s + 0.001); // times are rounded: it has happened by then
     else say(way > 0 ? "no event after this" : "no event before this");
   }
 
