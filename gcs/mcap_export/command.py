@@ -75,13 +75,12 @@ def _write(folder: Path, log: FlightLog, file: IO[bytes]) -> tuple[dict[str, int
     manifest = _manifest(folder, notes)
     config = _config(manifest, notes)
     film = FilmReader(folder)
-    notes += [film.problem] if film.problem is not None else []
     writer = TopicWriter(file, manifest.unix_s if manifest is not None else lambda t_s: t_s)
     if manifest is not None:
         facts = {**manifest.software, **manifest.machine, "kind": manifest.kind, "started": manifest.started}
         writer.note("flight", facts)
         writer.attach(MANIFEST, "application/json", (folder / MANIFEST).read_bytes(), log.start_s)
-    pictures = FilmTopics(writer)
+    pictures = FilmTopics(writer, film)
     topics = FlightTopics(
         writer, pictures, config.control.follow, _camera(config, film.size or _said_size(manifest), notes)
     )
@@ -92,7 +91,7 @@ def _write(folder: Path, log: FlightLog, file: IO[bytes]) -> tuple[dict[str, int
         put()
     film.close()
     writer.finish()
-    notes += [pictures.problem] if pictures.problem is not None else []
+    notes += [note for note in (film.problem, pictures.note) if note is not None]
     notes += [f"{log.damaged} messages cannot be read"] if log.damaged else []
     return dict(writer.counts), notes
 
