@@ -38,7 +38,7 @@ def main(args: argparse.Namespace) -> int:
     screen = Screen(sys.stderr)
     report, path = make(folder, None if args.html is None else Path(args.html), _patient(screen))
     screen.block([])
-    sys.stdout.write(f"{text_of(report)}\n\n  {path}\n")
+    sys.stdout.write(f"{text_of(report)}\n\n  page: {path}\n")
     return 0
 
 

@@ -71,10 +71,11 @@ def _confirmed(episodes: Sequence[Episode]) -> list[_Wanted]:
 
 
 def _lost(missing: Sequence[Missing]) -> list[_Wanted]:
-    """Of the longest."""
-    longest = sorted(range(len(missing)), key=lambda n: -missing[n].loss.end_s + missing[n].start_s)[:_MOST_LOSSES]
+    """Of those that ended a follow, and the longest."""
+    losses = [one.loss for one in missing]
+    worst = sorted(range(len(losses)), key=lambda n: (losses[n].found, losses[n].start_s - losses[n].end_s))
     wanted = []
-    for number in longest:
+    for number in worst[:_MOST_LOSSES]:
         one, key = missing[number], key_of("loss", number)
         like = None if one.seen is None else _box(one.seen)
         for name, row, tone in (

@@ -81,8 +81,9 @@ class TimeChart:
         near = self._near()
         y = self._y(near)
         parts = [
-            *self._shades(x), *y_axis(y, x), *time_axis(x), *self._levels(near, y),
-            *(path for line in self.lines for path in _paths(line, x, y)), *self._hovers(x),
+            *self._shades(x), *y_axis(y, x), *time_axis(x),
+            *(f'<path class="level" d="M{x.start_px} {y.px(level.value):.1f}H{x.end_px}"/>' for level in near),
+            *(path for line in self.lines for path in _paths(line, x, y)), *_names(near, x, y), *self._hovers(x),
         ]  # fmt: skip
         return svg(self.title, WIDTH_PX, HEIGHT_PX, parts)
 
@@ -117,16 +118,6 @@ class TimeChart:
             yield (
                 f'<rect class="{shade.css} shade" x="{x.px(shade.start_s):.1f}" y="{TOP_PX}" width="{width_px:.1f}" '
                 f'height="{HEIGHT_PX - TOP_PX - BOTTOM_PX}"/>'
-            )
-
-    def _levels(self, near: Sequence[Level], y: Scale) -> Iterator[str]:
-        for level in near:
-            at_px = y.px(level.value)
-            above = at_px > TOP_PX + 14
-            yield f'<path class="level" d="M{LEFT_PX} {at_px:.1f}H{WIDTH_PX - RIGHT_PX}"/>'
-            yield (
-                f'<text class="level" x="{WIDTH_PX - RIGHT_PX - 3}" y="{at_px - 3 if above else at_px + 12:.1f}" '
-                f'text-anchor="end">{escape(_said(level))}</text>'
             )
 
     def _hovers(self, x: Scale) -> Iterator[str]:
@@ -191,7 +182,17 @@ def ticks(low: float, high: float, most: int = 5) -> list[float]:
 
 def number(value: float) -> str:
     """For an axis."""
-    return f"{value:.4g}".replace("-", "−")
+    text = f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return text.replace("-", "−")
+
+
+def _names(levels: Sequence[Level], x: Scale, y: Scale) -> Iterator[str]:
+    """At the right end of each, above it where there is room."""
+    for level in levels:
+        at_px = y.px(level.value)
+        name_px = at_px - 3 if at_px > TOP_PX + 14 else at_px + 12
+        place = f'x="{x.end_px - 3}" y="{name_px:.1f}" text-anchor="end"'
+        yield f'<text class="level" {place}>{escape(_said(level))}</text>'
 
 
 def _paths(line: Line, x: Scale, y: Scale) -> Iterator[str]:

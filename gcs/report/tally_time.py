@@ -13,6 +13,7 @@ from gcs.report.sampling import Curve, Spread
 PARTS: Final = tuple(part.name.removesuffix("_s") for part in fields(Budget))  # in the order they pass
 TOTAL: Final = "total"
 BIN_MS: Final = 2
+_ROUNDING_MS: Final = 1e-6
 
 
 @dataclass(slots=True)
@@ -37,7 +38,7 @@ class LatencyTally:
         for name, value_s in zip((*PARTS, TOTAL), (*values_s, budget.total_s), strict=True):
             self.spreads.setdefault(name, Spread()).add(value_s)
         self.total_ms.add(at_s, budget.total_s * 1000)
-        found = self.bins[int(budget.total_s * 1000 // BIN_MS)]
+        found = self.bins[int((budget.total_s * 1000 + _ROUNDING_MS) // BIN_MS)]
         found.count += 1
         found.sums_s = [total + value for total, value in zip(found.sums_s, values_s, strict=True)]
 
