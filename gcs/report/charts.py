@@ -82,14 +82,14 @@ def shades_of(report: Report) -> tuple[Shade, ...]:
 
 
 def _drawn(chart: TimeChart) -> Html:
+    """With its key where there are several curves; empty where there is none."""
+    drawn = chart.svg()
+    if not drawn:
+        return Html("")
     beyond = ", ".join(f"{level.name} {number(level.value)}" for level in chart.beyond)
     names = [(f"k-{line.css}", line.name) for line in chart.lines if line.curve]
-    key = legend(names) if len(names) > 1 else Html("")
-    return (
-        figure(chart.title, chart.svg() + key, f"far off, not drawn: {beyond}" if beyond else "")
-        if chart.svg()
-        else key
-    )
+    key = legend(names) if len(names) > 1 else ""
+    return figure(chart.title, drawn + key, f"far off, not drawn: {beyond}" if beyond else "")
 
 
 def map_from_above(report: Report, tally: Tally, config: Config | None) -> Html:

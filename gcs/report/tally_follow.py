@@ -43,11 +43,12 @@ class Missing:
     hidden: FrameRow | None = None
     again: FrameRow | None = None
     end_s: float | None = None
+    found: bool = False
 
     @property
     def loss(self) -> Loss:
         """In figures."""
-        return Loss(self.start_s, self.start_s if self.end_s is None else self.end_s, self.again is not None)
+        return Loss(self.start_s, self.start_s if self.end_s is None else self.end_s, self.found)
 
 
 @dataclass(slots=True)
@@ -163,7 +164,7 @@ class FollowTally:
         self.longest_loss_s = max(self.longest_loss_s, t_s - missing.start_s)
         if by_itself:
             self.reacquired += 1
-            missing.again = self._shown
+            missing.found, missing.again = True, self._shown
 
     def _limits(self, tick: TickRow, step_s: float) -> None:
         names = list(tick.request.limited_by) if tick.request is not None else []

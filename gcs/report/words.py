@@ -49,10 +49,13 @@ def _happened(report: Report) -> Iterator[str]:
         found = again.get(follow.reacquired, f"found again {times(follow.reacquired)}")
         longest = f"the longest took {follow.longest_loss_s:.1f} s"
         yield f"It was lost {times(follow.losses)} and {found} by itself; {longest}."
+    off = []
     if follow.bearing_rms_deg is not None:
-        distance = follow.distance_rms_frac
-        held = "" if distance is None else f", and the distance {distance:.0%} off the standoff"
-        yield f"While it was seen the camera pointed {follow.bearing_rms_deg:.1f} deg (rms) off it{held}."
+        off.append(f"the camera pointed {follow.bearing_rms_deg:.1f} deg off it")
+    if follow.distance_rms_frac is not None:
+        off.append(f"the distance was {follow.distance_rms_frac:.0%} off the standoff")
+    if off:
+        yield f"While it was seen {' and '.join(off)} (rms)."
     often = [(one.name, one.total_s / whole_s) for one in report.clipped if one.name != "coasting" and whole_s > 0]
     if said := [f"{name} ({share:.0%} of the time)" for name, share in often if share > _MUCH_CLIPPED_FRAC]:
         yield f"What limited it most: {', '.join(said)}."
