@@ -134,8 +134,9 @@ class Player:
             self._jump(bisect_right(self._places, self._frames[wanted]))
 
     def _jump(self, after: int) -> None:
-        """So many of the places have been then."""
-        self._next = min(max(after, 1), len(self._places))
+        """So many of the places have been then; the first picture at least, before which there is nothing to see."""
+        first_picture = bisect_right(self._places, self._frames[0]) if self._frames else 1
+        self._next = min(max(after, first_picture), len(self._places))
         here = self._places[self._next - 1]
         first = bisect_left(self._places, self._log.place_at(self._log.time_s(here) - _BEFORE_S))
         earlier = (self._log.newest(kind, self._places[first]) for kind in (Refusals, FrameRow, TickRow))

@@ -3,7 +3,7 @@
 import { by, say, text } from "./panels.js";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 10, 20];
-const STEP_S = 5, EVENT_S = 0.5; // events nearer to each other than this are one to jump to
+const STEP_S = 5, EVENT_S = 0.5; // what an order brings about so soon is one event with it
 const SEEK_MS = 100; // between two of a drag
 const LOST = ["COASTING", "LOST, HOLDING"];
 const FORMS = {
@@ -29,6 +29,7 @@ export class Replay {
     Object.assign(this, { link, timeline: { span_s: 0, stretches: [], events: [] }, head: { t_s: 0, playing: false, speed: 1 } });
     this.wanted_s = null; // where to, not yet asked for
     this.isAsking = false;
+    this.events = []; // to jump to: {begin_s, end_s}
     const style = Object.assign(document.createElement("link"), { rel: "stylesheet", href: "/static/replay.css" });
     document.head.append(style);
     document.body.append(Object.assign(document.createElement("footer"), { id: "player", innerHTML: BAR }));
@@ -75,11 +76,18 @@ export class Replay {
       node.style.left = share(t_s);
       return node;
     }));
+    this.events = [];
+    for (const { t_s } of timeline.events) {
+      if (this.events.length && t_s - this.events.at(-1).begin_s < EVENT_S) this.events.at(-1).end_s = t_s;
+      else this.events.push({ begin_s: t_s, end_s: t_s });
+    }
     by("timeline").setAttribute("aria-valuemax", timeline.span_s.toFixed(1));
     text("span", `/ ${clock(timeline.span_s)}`);
   }
 
   drawHead(head) {
+    const onwards_s = head.t_s - this.head.t_s;
+    if (onwards_s < 0 || onwards_s > 1 + head.speed) by("says").replaceChildren(); // said at another time
     this.head = head;
     const isPlaying = String(head.playing);
     if (by("play").dataset.playing !== isPlaying) {
@@ -142,10 +150,9 @@ export class Replay {
   }
 
   event(way) {
-    const { events } = this.timeline, here_s = this.wanted_s ?? this.head.t_s;
-    const starts = events.filter(({ t_s }, at) => at === 0 || t_s - events[at - 1].t_s > EVENT_S);
-    const found = way > 0 ? starts.find(({ t_s }) => t_s > here_s + 0.1) : starts.findLast(({ t_s }) => t_s < here_s - EVENT_S);
-    if (found) this.seek(found.t_s + 0.001); // times are rounded: it has happened by then
+    const here_s = this.wanted_s ?? this.head.t_s;
+    const found = way > 0 ? this.events.find(({ end_s }) => end_s > here_s + 0.1) : this.events.findLast(({ end_s }) => end_s < here_s - EVENT_S);
+    if (found) this.seek(found.end_s + 0.001); // times are rounded: it has happened by then
     else say(way > 0 ? "no event after this" : "no event before this");
   }
 
