@@ -36,7 +36,7 @@ def _add_run(commands: Commands) -> None:
     add_vehicle(p)
     p.add_argument("--autopilot", choices=("auto", *_PERSONALITIES), help="default: what its heartbeat says")
     p.add_argument("--box", metavar="x,y,w,h", help="select this at the start; moves nothing")
-    p.add_argument("--out", metavar="DIR", help="where the recording goes")
+    p.add_argument("--out", metavar="DIR", help="folder of the recording (default: a new one in recorder.folder)")
     add_operator(p.add_argument_group("operator"))
     p.add_argument("--json", action="store_true", help="JSON lines on stdout, what is said on stderr")
 

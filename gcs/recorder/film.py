@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from gcs.video.tap import Coding, Library
 
 HELD_BYTES: Final = 64 * 1024 * 1024
 _WRITE_S: Final = 0.2  # so often, many at once: waking up for each costs more than they do
-_SYNC_S: Final = 5.0  # a power cut loses no more than this and what the disk itself holds back
 _CLOSE_S: Final = 5.0
 _JPEG_QUALITY: Final = 95
 _PICTURES: Final = Coding("mjpeg", Library.OPENCV)
@@ -167,14 +165,10 @@ class Film(FilmSwitch):
         files = FilmFiles(self._folder, self._open_file)
         try:
             with files:
-                synced_s = time.monotonic()
                 while not self._is_closed:
                     self._wake.wait(_WRITE_S)
                     self._wake.clear()
                     self._write(files)
-                    if time.monotonic() - synced_s > _SYNC_S:
-                        files.sync()
-                        synced_s = time.monotonic()
                 self._write(files)
                 files.sync()
         except OSError as error:

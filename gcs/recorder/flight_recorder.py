@@ -13,6 +13,7 @@ from gcs.link_meters import LinkFigures
 from gcs.recorder.events import FrameRecord, Received
 from gcs.recorder.film import Film
 from gcs.recorder.message_log import MessageLog
+from gcs.recorder.sync import Syncer
 from gcs.recorder.tlog import TlogWriter
 from gcs.tick import Tick
 
@@ -54,6 +55,7 @@ class FlightRecorder:
         self.film = film
         parts: dict[str, _Part | None] = {MESSAGES: self._messages, TLOG: self.tlog, FILM: film}
         self._parts = {folder / name: part for name, part in parts.items() if part is not None}
+        self._syncer = Syncer(folder)
         self._say = say
         self._said: set[str] = set()
         self.figures: Callable[[float], LinkFigures] | None = None
@@ -116,6 +118,7 @@ class FlightRecorder:
         """Finish the files, within some seconds even where a disk is stuck; what went wrong, in one line each."""
         for part in self._parts.values():
             part.close()
+        self._syncer.close()
         return list(self.troubles())
 
 

@@ -17,6 +17,7 @@ import aiohttp
 import pytest
 
 from gcs.keys import SigningKey, write_key
+from gcs.recorder.manifest import read_manifest
 from gcs.recorder.message_log import read_messages
 from sitl_mocks import scenario
 from sitl_mocks.simulator import Simulator, SimulatorConfig
@@ -165,8 +166,12 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
             assert w.mode is Mode.HOLD
             assert w.monitor["last_moving_setpoint_t_s"] < t_signal_s + 0.3
             assert w.monitor["unsafe"] == 0, w.monitor["reasons"]
-    for name in ("messages.jsonl", "flight.mp4", "flight.tlog"):
+    for name in ("messages.jsonl", "film.mjpeg", "flight.tlog"):
         assert (tmp_path / "out" / name).stat().st_size > 1000
+    manifest = read_manifest(tmp_path / "out")
+    assert (manifest.kind, manifest.vehicle, manifest.follows, manifest.problems) == ("run", w.vehicle_url, 1, ())
+    assert manifest.video is not None
+    assert manifest.video.address == w.video_url
     figures = [r.data for r in read_messages(tmp_path / "out" / "messages.jsonl") if r.type == "LinkFigures"]
     assert len(figures) > 3  # one a second
     assert figures[-1]["received_bytes_per_s"] > figures[-1]["sent_bytes_per_s"] > 0
@@ -176,11 +181,14 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
 async def test_no_vehicle_is_one_line_and_exit_2(tmp_path: Path) -> None:
     async with world(tmp_path) as w:
         nobody = f"udpin://127.0.0.1:{free_port()}"
-        async with station("--video", w.video_url, "--vehicle", nobody, "--timeout", "0.5") as s:
+        out = tmp_path / "out"
+        async with station("--video", w.video_url, "--vehicle", nobody, "--timeout", "0.5", "--out", str(out)) as s:
             _, said = await s.process.communicate()
             assert s.process.returncode == 2
             assert said.decode().startswith(f"gcs: no vehicle at {nobody} within 0.5 s")
             assert said.count(b"\n") == 1
+        (problem,) = read_manifest(out).problems  # what was seen and heard is kept
+        assert problem.startswith("no vehicle at")
 
 
 async def test_recorded_video_never_flies(tmp_path: Path) -> None:

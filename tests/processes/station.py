@@ -16,6 +16,7 @@ import json
 import math
 import resource
 import sys
+import threading
 import time
 from collections import deque
 from dataclasses import replace
@@ -109,22 +110,26 @@ def say(**values: Any) -> None:
 class Station:
     """Carries out the test's orders beside the flight."""
 
-    def __init__(self, flight: Flight) -> None:
-        self._flight = flight
+    def __init__(self, flight: Flight, beats: bool) -> None:
+        self._flight, self._beats = flight, beats
         self._orders = Orders(flight)
         self._tasks: set[asyncio.Task[None]] = set()
         self._state = ""
         self._tick_times_s: deque[float] = deque([0.0] * _KEPT_TICKS, maxlen=_KEPT_TICKS)
 
     def saw(self, sighting: Sighting) -> None:
-        """Watcher: nothing to do."""
+        """Watcher: tells of each picture, if that is wanted."""
+        if self._beats:
+            say(arrived_s=sighting.seen.frame.t_arrival_s)
 
     def audited(self, t_s: float, audit: object) -> None:
         """Watcher: nothing to do."""
 
     def ticked(self, tick: Tick) -> None:
-        """Watcher: tells each change of state."""
+        """Watcher: tells each change of state, and each tick if that is wanted."""
         self._tick_times_s.append(tick.t_s)
+        if self._beats:
+            say(ticked_s=tick.t_s)
         state = tick.output.state.value
         if state != self._state:
             self._state = state
@@ -171,6 +176,11 @@ class Station:
             case "gaps":
                 times = [t_s for t_s in self._tick_times_s if t_s > 0]
                 return [b - a for a, b in itertools.pairwise(times)]
+            case "cpu":  # s of the whole process, and of each of its threads
+                clocks = {t.name: time.pthread_getcpuclockid(t.ident or 0) for t in threading.enumerate()}
+                return {"all": time.process_time()} | {
+                    name: time.clock_gettime(clock) for name, clock in clocks.items()
+                }
             case "quit":
                 self._flight.stop()
             case _:
@@ -184,6 +194,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--video", help="a real video in place of the imagined one")
     parser.add_argument("--network", action="store_true", help="the real tracker works on every picture too")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--beats", action="store_true", help="tell of every tick and picture")
     parser.add_argument("--file-limit", type=int, help="bytes any file may have: more fails as on a full disk")
     return parser.parse_args()
 
@@ -207,11 +218,12 @@ async def _fly(options: argparse.Namespace, kept: Recording | None) -> None:
     if kept is not None:
         await kept.begin("run", source, options.vehicle)
         record = kept.record
+    network = make_tracker(CONFIG.tracker) if options.network else None  # before somebody waits for us
     async with open_link(options.vehicle, CONFIG, clock, record) as link:
-        network = make_tracker(CONFIG.tracker) if options.network else None
-        tracker = BlobTracker() if options.video else ImaginedTracker(link.telemetry, network)
+        blob = options.video and not options.network
+        tracker = BlobTracker() if blob else ImaginedTracker(link.telemetry, network)
         flight = make_flight(link, source, tracker, CONFIG, clock, _told, record)
-        station = Station(flight)
+        station = Station(flight, options.beats)
         flight.watchers = (*flight.watchers, station)
         if options.file_limit is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (options.file_limit, options.file_limit))

@@ -9,11 +9,12 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import itertools
+import math
 import os
 import random
 import sys
 import tempfile
-import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,15 +34,13 @@ from tests.gcs.mjpeg_server import MjpegServer
 from tests.processes.rig import Station, Wired, station, vehicle
 
 LOST_S = 1.0
-_LONGEST_S = 4.0  # from the manifest to the kill
 _FRAME_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """What was lost of each part, s; None: it had not begun a second before, and need not be there."""
+    """From the last record to the last event that others saw before the kill, s; None: they had seen none."""
 
-    lived_s: float
     messages_s: float | None
     tlog_s: float | None
     film_s: float | None
@@ -52,23 +51,21 @@ class Loss:
 
 
 @contextlib.asynccontextmanager
-async def camera() -> AsyncIterator[tuple[str, list[float]]]:
-    """Its address, and when it sent pictures to somebody."""
-    rng, sent_s = np.random.default_rng(1), []
+async def camera() -> AsyncIterator[str]:
+    """The address of one that sends JPEG."""
+    rng = np.random.default_rng(1)
     pictures = [cv2.resize(rng.integers(0, 256, (120, 160, 3), np.uint8), (640, 480)) for _ in range(4)]
     jpegs = [cv2.imencode(".jpg", picture)[1].tobytes() for picture in pictures]
     server = MjpegServer()
 
     async def film() -> None:
-        while True:
-            server.send_bytes(jpegs[len(sent_s) % len(jpegs)])
-            if server.connections:
-                sent_s.append(time.monotonic())
+        for number in itertools.count():
+            server.send_bytes(jpegs[number % len(jpegs)])
             await asyncio.sleep(_FRAME_S)
 
     filming = asyncio.create_task(film())
     try:
-        yield server.url, sent_s
+        yield server.url
     finally:
         filming.cancel()
         await asyncio.to_thread(server.close)
@@ -76,41 +73,38 @@ async def camera() -> AsyncIterator[tuple[str, list[float]]]:
 
 async def kill_one(seed: int, folder: Path) -> Loss:
     """Fly, kill, open. AssertionError where something does not open."""
-    lives_s = random.Random(seed).uniform(0.0, _LONGEST_S)
-    async with vehicle() as w, camera() as (url, sent_s):
-        async with station(w.url, "--video", url, "--out", str(folder)) as s:
+    chance = random.Random(seed)
+    async with vehicle() as w, camera() as url:
+        async with station(w.url, "--video", url, "--out", str(folder), "--beats") as s:
             async with asyncio.timeout(60.0):
                 while not (folder / MANIFEST).exists():
                     await asyncio.sleep(0.01)
-            await asyncio.sleep(lives_s)
-            kill_s = time.monotonic()
+            if chance.random() < 0.8:  # else somewhere on the way to the first tick
+                await s.hears(lambda line: "ticked_s" in line)
+            await asyncio.sleep(chance.uniform(0.0, 3.0))
             s.process.kill()
             await s.process.wait()
-        return await asyncio.to_thread(_loss, folder, kill_s, lives_s, s, w, sent_s)
+        return await asyncio.to_thread(_loss, folder, s, w)
 
 
-def _loss(folder: Path, kill_s: float, lives_s: float, s: Station, w: Wired, sent_s: list[float]) -> Loss:
-    manifest = read_manifest(folder)
+def _loss(folder: Path, s: Station, w: Wired) -> Loss:
     assert [flight.state for flight in list_flights(folder.parent)] == [State.BROKEN_OFF]
-    ticking = any(line["t_s"] < kill_s - LOST_S for line in s.lines if "state" in line)
-    talking = any(heard.t_s < kill_s - LOST_S for heard in w.heard)
-    # The source needs a moment to find out what it is that comes.
-    filming = bool(sent_s) and sent_s[0] < kill_s - 2 * LOST_S and ticking
     messages_s = tlog_s = film_s = None
-    if ticking:
+    if heard := [heard.t_s for heard in w.heard]:
+        ended_s = read_manifest(folder).unix_s(heard[-1])
+        tlog_s = max(ended_s - _tlog_end_s(folder), 0.0)
+    if ticked := [line["ticked_s"] for line in s.lines if "ticked_s" in line]:
+        messages_s = ticked[-1] - max((record.t_s for record in read_messages(folder / MESSAGES)), default=-math.inf)
         log = FlightLog(folder)
+        assert sum(1 for _ in log) == len(log) > 0
         assert log.dropped == log.damaged == 0
-        assert sum(1 for _ in log) > 0
-        messages_s = kill_s - max(record.t_s for record in read_messages(folder / MESSAGES))
-    if talking:
-        tlog_s = manifest.unix_s(kill_s) - _tlog_end_s(folder)
-    if filming:
-        reader = FilmReader(folder)
-        packets = list(reader.packets())
-        assert reader.picture(packets[-1].number) is not None
-        film_s = kill_s - packets[-1].t_arrival_s
-        reader.close()
-    return Loss(lives_s, messages_s, tlog_s, film_s)
+    if arrived := [line["arrived_s"] for line in s.lines if "arrived_s" in line]:
+        film = FilmReader(folder)
+        packets = list(film.packets())
+        assert film.picture(packets[-1].number) is not None
+        film.close()
+        film_s = max(arrived[-1] - packets[-1].t_arrival_s, 0.0)
+    return Loss(None if messages_s is None else max(messages_s, 0.0), tlog_s, film_s)
 
 
 def _tlog_end_s(folder: Path) -> float:

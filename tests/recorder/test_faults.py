@@ -121,7 +121,7 @@ def test_a_pipe_that_nobody_reads_is_given_up_at_the_end(tmp_path: Path) -> None
 
 
 def test_a_folder_that_is_deleted_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "_SYNC_S", 0.1)
+    monkeypatch.setattr(batch, "_LOOK_S", 0.1)
     folder = tmp_path / "flight"
     folder.mkdir()
     log = MessageLog(folder / MESSAGES)
