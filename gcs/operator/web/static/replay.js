@@ -26,7 +26,7 @@ const rateOf = (times) => (times < 1 ? `1/${Math.round(1 / times)}` : `${times}`
 
 export class Replay {
   constructor({ link, help }) {
-    Object.assign(this, { link, timeline: { span_s: 0, stretches: [], events: [] }, head: { t_s: 0, playing: false, speed: 1 } });
+    Object.assign(this, { link, timeline: { span_s: 0, stretches: [], events: [] }, head: { t_s: null, playing: false, speed: 1 } });
     this.wanted_s = null; // where to, not yet asked for
     this.isAsking = false;
     this.events = []; // to jump to: {begin_s, end_s}
@@ -86,7 +86,7 @@ export class Replay {
   }
 
   drawHead(head) {
-    const onwards_s = head.t_s - this.head.t_s;
+    const onwards_s = head.t_s - (this.head.t_s ?? head.t_s);
     if (onwards_s < 0 || onwards_s > 1 + head.speed) by("says").replaceChildren(); // said at another time
     this.head = head;
     const isPlaying = String(head.playing);
