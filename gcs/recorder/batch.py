@@ -29,7 +29,8 @@ class BatchWriter(Generic[Item]):
     """Takes items from any thread. A caller never waits for the disk: what does not fit is dropped and counted.
 
     A disk error, or the size limit, ends the file with one warning: `problem` says what and where, and what stands in
-    the file are whole records. What was written is safe from the death of this program; `gcs.recorder.sync` guards it from a power cut.
+    the file are whole records. What was written is safe from the death of this program, and `gcs.recorder.sync` guards
+    it from a power cut.
     """
 
     def __init__(
