@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -86,7 +87,7 @@ class Deframer:
         messages: list[Message] = []
         at = 0
         while at < len(buffer):
-            length = _frame_length(buffer, at)
+            length = frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 if keep_unfinished:
                     break
@@ -113,7 +114,7 @@ class Deframer:
             return None
 
 
-def _frame_length(buffer: bytearray, at: int) -> int | None:
+def frame_length(buffer: Sequence[int], at: int) -> int | None:
     """Bytes of the frame that starts at `at`; 0 = none starts here, None = too short to tell."""
     if buffer[at] == MARKER_V1:
         return None if len(buffer) < at + 2 else 6 + buffer[at + 1] + 2
@@ -141,7 +142,7 @@ def split_frames(data: bytes) -> list[bytes] | None:
     """
     buffer, at, frames = bytearray(data), 0, list[bytes]()
     while at < len(buffer):
-        length = _frame_length(buffer, at)
+        length = frame_length(buffer, at)
         if not length or at + length > len(buffer):
             return None
         frames.append(data[at : at + length])

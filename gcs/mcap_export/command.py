@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import IO, Final
 
 import msgspec
-from tqdm import tqdm
 
 from control.camera import CameraModel
+from gcs.cli.progress import shown_progress
 from gcs.config import Config, load
 from gcs.errors import ConfigError
 from gcs.mcap_export.topics import FlightTopics
@@ -27,7 +27,6 @@ from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manife
 from gcs.replay.log import FlightLog
 
 _MCAP: Final = "flight.mcap"
-_SAID_S: Final = 2.0  # what takes longer shows how far it is
 
 _Due = tuple[float, Callable[[], None]]
 
@@ -84,7 +83,7 @@ def _write(folder: Path, log: FlightLog, file: IO[bytes]) -> tuple[dict[str, int
     topics = FlightTopics(
         writer, pictures, config.control.follow, _camera(config, film.size or _said_size(manifest), notes)
     )
-    entries = tqdm(log, unit=" messages", delay=_SAID_S, leave=False)
+    entries = shown_progress(log, "export", "messages", len(log))
     flight: Iterator[_Due] = ((entry[0], partial(topics.add, entry)) for entry in entries)
     filmed: Iterator[_Due] = ((packet.t_arrival_s, partial(pictures.add, packet)) for packet in film.packets())
     for _, put in merge(flight, filmed, key=itemgetter(0)):

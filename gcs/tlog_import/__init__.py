@@ -1,0 +1,1 @@
+"""Flights that another station recorded."""
