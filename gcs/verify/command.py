@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from gcs.config import Config
 from gcs.errors import EXIT_FAULT
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
@@ -19,7 +20,7 @@ from gcs.verify.verify import Start, verify
 def main(args: argparse.Namespace) -> int:
     """The command; 1 where the flight does not come out as it was recorded."""
     screen = Screen(sys.stderr if args.json else sys.stdout)
-    folder = find_flight(args.flight)
+    folder = find_flight(args.flight, Path(Config().recorder.folder))
     start = None if args.from_stage is None else Start(args.from_stage)
     logging.getLogger("gcs").setLevel(logging.ERROR)  # warnings of then are no news now
     try:

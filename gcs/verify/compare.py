@@ -96,12 +96,12 @@ def _are_floats(old: Any, new: Any) -> bool:
 
 
 def differences(recorded: Any, again: Any, path: Path = ()) -> Iterator[tuple[Path, Any, Any]]:
-    """(path, recorded, again) of every leaf that is not the same."""
+    """(path, recorded, again) of every value that is not the same."""
     if isinstance(recorded, dict) and isinstance(again, dict):
         for key in {**recorded, **again}:
             yield from differences(recorded.get(key), again.get(key), (*path, key))
     elif isinstance(recorded, list) and isinstance(again, list) and len(recorded) == len(again):
         for index, (old, new) in enumerate(zip(recorded, again, strict=True)):
             yield from differences(old, new, (*path, str(index)))
-    elif recorded != again or type(recorded) is not type(again):
+    elif recorded != again or isinstance(recorded, bool) is not isinstance(again, bool):  # 240 is 240.0, True is not 1
         yield path, recorded, again

@@ -66,12 +66,12 @@ class Course:
         }
 
     def _slopes(self, *series: array[float]) -> list[float]:
-        """Size of the change from tick to tick, per second; NaN where either was not sent."""
+        """Size of the change from tick to tick, per second; NaN where either was not sent, or an abort came between."""
         slopes = []
         for index in range(1, len(self.t_s)):
             step_s = self.t_s[index] - self.t_s[index - 1]
             change = math.hypot(*(each[index] - each[index - 1] for each in series))
-            slopes.append(change / step_s if 0 < step_s <= _LONGEST_TICK_S else math.nan)
+            slopes.append(change / step_s if TICK_S / 2 < step_s <= _LONGEST_TICK_S else math.nan)
         return slopes
 
 
