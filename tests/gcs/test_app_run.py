@@ -133,7 +133,10 @@ async def page_status(s: Station) -> dict[str, Any]:
 
 def camera_file(folder: Path) -> Path:
     path = folder / "config.yaml"
-    path.write_text("camera: {hfov_deg: 70, mount_rpy_deg: [0, -28, 0], glass_delay_s: 0.1}\n")
+    path.write_text(
+        "camera: {hfov_deg: 70, mount_rpy_deg: [0, -28, 0], glass_delay_s: 0.1}\n"
+        f"recorder: {{folder: {folder / 'flights'}}}\n"
+    )
     return path
 
 
@@ -144,7 +147,7 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
     async with world(tmp_path, key.secret if signed else None) as w:
         arguments = ["--video", w.video_url, "--vehicle", w.vehicle_url, "--config", str(camera_file(tmp_path))]
         arguments += ["--signing-key", str(tmp_path / "signing.key")] if signed else []
-        async with station(*arguments, "--out", str(tmp_path / "out")) as s:
+        async with station(*arguments) as s:
             assert (f"signed link, key {key.fingerprint}" if signed else "unsigned link") in await s.hears(
                 "vehicle: PX4"
             )
@@ -166,13 +169,14 @@ async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal
             assert w.mode is Mode.HOLD
             assert w.monitor["last_moving_setpoint_t_s"] < t_signal_s + 0.3
             assert w.monitor["unsafe"] == 0, w.monitor["reasons"]
+    (out,) = (tmp_path / "flights").iterdir()
     for name in ("messages.jsonl", "film.mjpeg", "flight.tlog"):
-        assert (tmp_path / "out" / name).stat().st_size > 1000
-    manifest = read_manifest(tmp_path / "out")
+        assert (out / name).stat().st_size > 1000
+    manifest = read_manifest(out)
     assert (manifest.kind, manifest.vehicle, manifest.follows, manifest.problems) == ("run", w.vehicle_url, 1, ())
     assert manifest.video is not None
     assert manifest.video.address == w.video_url
-    figures = [r.data for r in read_messages(tmp_path / "out" / "messages.jsonl") if r.type == "LinkFigures"]
+    figures = [r.data for r in read_messages(out / "messages.jsonl") if r.type == "LinkFigures"]
     assert len(figures) > 3  # one a second
     assert figures[-1]["received_bytes_per_s"] > figures[-1]["sent_bytes_per_s"] > 0
     assert key.secret.hex() not in "".join(s.said)
