@@ -15,7 +15,11 @@ import numpy as np
 import pytest
 import pytest_asyncio
 
-from tests.browser.conftest import LAPTOP, PATIENCE_MS, playwright_api, reads, shot
+from gcs.operator.orders import Abort
+from gcs.replay.play import glance_of
+from gcs.replay.recorded import open_recorded
+from gcs.replay.station import ReplayStation
+from tests.browser.conftest import LAPTOP, PATIENCE_MS, Desk, playwright_api, reads, shot
 from tests.browser.test_overlay import CYAN, GREEN, extent, pixels
 from tests.browser.test_screens import CONTRAST, LANDSCAPE, LAYOUT, PORTRAIT
 from tests.gcs.replay_rig import RED_BGR, record_flight
@@ -190,6 +194,22 @@ async def test_who_is_not_in_control_cannot_steer_it(shown: Shown) -> None:
     await other.keyboard.press("Space")
     await other.locator("#says", has_text="is in control").wait_for()
     assert await other.get_attribute("#play", "data-playing") == "false"
+
+
+async def test_where_a_flight_follows_a_recording_space_aborts(desk: Desk, flight: Path) -> None:
+    """The keys of a player must not outlive it, in a page that was left open."""
+    page = await desk.open()
+    recorded = open_recorded(flight)
+    desk.served.attach(ReplayStation(recorded, glance_of(recorded)))
+    await page.wait_for_selector("#play[data-playing]")
+    assert not await page.locator("#abort").is_visible()
+    await page.keyboard.press("Space")
+    desk.served.attach(desk.station)
+    await page.wait_for_selector("#abort", state="visible")
+    await page.wait_for_selector("#player", state="detached")
+    await reads(page, "vehicle-mode", re.compile(r"\w"))
+    await page.keyboard.press("Space")
+    await desk.until(lambda: desk.given(Abort))
 
 
 @pytest.mark.parametrize("size", [LAPTOP, PORTRAIT, LANDSCAPE, SMALL])

@@ -35,6 +35,7 @@ from gcs.operator.orders import (
 )
 from gcs.poses import RecordedPoses
 from gcs.replay.log import FlightLog, FrameRow, TickRow
+from gcs.replay.recorded import open_recorded
 from gcs.video import open_source
 from tests.gcs.clips import box_at, write_clip
 from tests.gcs.colour_tracker import ColourTracker
@@ -166,6 +167,8 @@ async def test_at_the_end_it_stands_writes_its_results_and_begins_again(tmp_path
     messages = [message for _, _, message in FlightLog(out)]
     assert any(isinstance(m, TickRow) and m.held is not None for m in messages)
     assert sum(isinstance(m, FrameRow) for m in messages) == summary.frames
+    moments = [moment for moment in open_recorded(out).moments() if isinstance(moment.message, FrameRow)]
+    assert len({moment.image_bgr.tobytes() for moment in moments if moment.image_bgr is not None}) > 15
     with pytest.raises(RefusedError, match="last picture"):
         await at.station.perform(Select(BOX))
     await at.go(0.3)

@@ -26,6 +26,7 @@ from gcs.replay.play import glance_of
 from gcs.replay.recorded import open_recorded
 from gcs.video.frame import Image
 from tests.gcs.replay_rig import SIZE, record_flight
+from tests.gcs.web_rig import web_rig
 
 SOON_S = 20.0
 
@@ -207,3 +208,15 @@ async def _steer(browser: Browser, url: str, session: aiohttp.ClientSession) -> 
     refused = await browser.ask(do="mode", mode="orbit")
     assert (refused["ok"], "takes no orders" in refused["text"]) == (False, True)
     assert (await session.post(f"{url}/abort", headers={"Origin": url})).status == 409
+
+
+async def test_a_flight_is_not_played() -> None:
+    async with web_rig() as rig:
+        browser = await rig.browser()
+        assert (await browser.hear("welcome"))["replay"] is False
+        for do, more in (("play", {}), ("seek", {"t_s": 1.0}), ("speed", {"times": 2.0}), ("frames", {"by": 1})):
+            answer = await browser.ask(do, **more)
+            assert (answer["ok"], answer["text"]) == (False, "this is no recording")
+        assert rig.lease.holder(rig.clock.now_s()) == ""
+        assert rig.station.orders == []
+        assert "playhead" not in browser.heard
