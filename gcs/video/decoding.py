@@ -49,7 +49,8 @@ class PacketDecoder:
             return [frame for each in self._context.parse(data) for frame in self._context.decode(each)]
         if not data:
             return list(self._context.decode(None))
-        packet = self._av.Packet(data)
+        packet = self._av.Packet(len(data))  # PyAV's own memory, with the zeros behind that FFmpeg may read
+        packet.update(data)
         packet.is_keyframe = is_key
         return list(self._context.decode(packet))
 
