@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import threading
 import time
@@ -69,9 +70,13 @@ class StreamSender:
         options: dict[str, str] | None = None,
         picture: Callable[[int, tuple[int, int]], Image] = numbered,
     ) -> None:
-        """form: mpegts or rtp. options: the encoder's. picture: makes each from its number and the size."""
+        """form: mpegts, rtp, or flv (TCP, one receiver). options: the encoder's.
+
+        picture: makes each from its number and the size.
+        """
         scheme, packet = ("udp", 1316) if form == "mpegts" else ("rtp", 1200)
         self._url, self._form = f"{scheme}://127.0.0.1:{port}?pkt_size={packet}", form
+        self._listener = socket.create_server(("127.0.0.1", port)) if form == "flv" else None
         self._codec, self._fps, self._gop, self.size = codec, fps, gop, size
         self._options = {**(_ZEROLATENCY if codec == "libx264" else {}), **(options or {})}
         self._picture = picture
@@ -91,9 +96,16 @@ class StreamSender:
         self._thread.join(5.0)
 
     def _run(self) -> None:
+        with contextlib.suppress(OSError):  # a receiver on TCP has gone
+            self._send()
+        if self._listener is not None:
+            self._listener.close()
+
+    def _send(self) -> None:
         import av
 
-        container = av.open(self._url, "w", format=self._form, options={"flush_packets": "1"})
+        to = self._url if self._listener is None else self._listener.accept()[0].makefile("wb", buffering=0)
+        container = av.open(to, "w", format=self._form, options={"flush_packets": "1"})
         stream = container.add_stream(self._codec, rate=round(self._fps), options=self._options)
         stream.width, stream.height = self.size
         stream.pix_fmt, stream.gop_size = "yuv420p", self._gop

@@ -1,0 +1,51 @@
+"""Films as a live source leaves them, and whether each of its pictures is in its film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs.recorder.film import Film
+from gcs.recorder.film_reader import FilmReader
+from gcs.video.frame import Frame, VideoSource, fingerprint
+
+
+def frames_of(source: VideoSource, count: int) -> list[Frame]:
+    """The next ones, fewer where the source ends."""
+    found: list[Frame] = []
+    while len(found) < count:
+        frame = source.read(5.0)
+        if frame is None:
+            break
+        found.append(frame)
+    return found
+
+
+def assert_exact(folder: Path, frames: list[Frame], *, exact: bool = True, backwards: bool = True) -> FilmReader:
+    """Every frame has its picture in the film of this folder, asked for forwards, and backwards too."""
+    reader = FilmReader(folder)
+    assert reader.problem is None
+    assert reader.is_exact == exact
+    shape = frames[0].image_bgr.shape
+    assert reader.size == (shape[1], shape[0])
+    for frame in frames:
+        assert_same(reader, frame)
+    for frame in reversed(frames[::7] if backwards else []):
+        assert_same(reader, frame)
+    return reader
+
+
+def assert_same(reader: FilmReader, frame: Frame) -> None:
+    """To the last bit."""
+    assert frame.packet is not None
+    image_bgr = reader.picture(frame.packet)
+    assert image_bgr is not None, f"no picture of packet {frame.packet}, frame {frame.seq}"
+    assert fingerprint(image_bgr) == fingerprint(frame.image_bgr), f"packet {frame.packet}, frame {frame.seq}"
+
+
+def filmed(folder: Path, film: Film, source: VideoSource, count: int) -> list[Frame]:
+    """So many frames of a source that this film taps; both are closed."""
+    frames = frames_of(source, count)
+    source.close()
+    film.close()
+    assert (film.problem, film.dropped) == (None, 0)
+    return frames
