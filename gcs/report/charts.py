@@ -95,13 +95,12 @@ def _drawn(chart: TimeChart) -> Html:
 def map_from_above(report: Report, tally: Tally, config: Config | None) -> Html:
     """The paths with their key."""
     fence = None if config is None else config.control.limits.fence
-    decided = tally.has_decisions
-    drawn = from_above(tally.vehicle_path, tally.target_path, report.follows, fence, decided)
+    drawn = from_above(tally.vehicle_path, tally.target_path, report.follows, fence, tally.knows_home)
     if not drawn:
         return note("The vehicle never told its position.")
     said = []
     if fence is None:
-        said.append("The fence is not in the record.")
+        said.append("" if report.provenance.is_import else "The fence is not in the record.")
     elif not is_in_sight(tally.vehicle_path, tally.target_path, fence):
         said.append(f"The fence, {fence.radius_m:g} m round home, lies outside the picture.")
     if fence is not None and fence.polygon_deg:
@@ -114,7 +113,9 @@ def map_from_above(report: Report, tally: Tally, config: Config | None) -> Html:
             ("s-following", "vehicle, following"), ("s-lost", "target not seen"), ("k-soft", "vehicle otherwise"),
             ("k-a", "target, dotted; its standoff as a circle"),
         ]  # fmt: skip
-    return Html(f'<div class="wide">{figure("", drawn)}</div>' + legend(names) + (note(" ".join(said)) if said else ""))
+    return Html(
+        f'<div class="wide">{figure("", drawn)}</div>' + legend(names) + (note(" ".join(said)) if any(said) else "")
+    )
 
 
 def latency(report: Report, tally: Tally, config: Config | None) -> Html:
@@ -155,5 +156,6 @@ def link(report: Report, tally: Tally) -> Html:
             shades, zero=True,
         ),
     )  # fmt: skip
-    drawn = "".join(_drawn(chart) for chart in charts)
+    shown = charts[:2] if report.provenance.is_import else charts
+    drawn = "".join(_drawn(chart) for chart in shown)
     return Html(f'<div class="grid2">{drawn}</div>' if drawn else "")

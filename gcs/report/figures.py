@@ -6,6 +6,9 @@ Times t_s, start_s and end_s are seconds since the first message.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
+
+IMPORT: Final = "import"
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +173,11 @@ class Provenance:
     software: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
     changed: tuple[Changed, ...] = ()
+
+    @property
+    def is_import(self) -> bool:
+        """Another station flew it: nothing in it was decided here."""
+        return self.kind == IMPORT
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,6 +92,6 @@ def _lines(total: Percentiles, x: Scale) -> Iterator[str]:
         is_right = at_px > _WIDTH_PX - 90
         yield f'<path class="level" d="M{at_px:.1f} {TOP_PX}V{HEIGHT_PX - _BOTTOM_PX}"/>'
         yield (
-            f'<text class="level" x="{at_px + (-4 if is_right else 4):.1f}" y="{TOP_PX + 10 + 13 * row}" '
+            f'<text class="level" x="{at_px + (-4 if is_right else 4):.1f}" y="{TOP_PX + 10 + 17 * row}" '
             f'text-anchor="{"end" if is_right else "start"}">{name} {value_ms:.0f} ms</text>'
         )

@@ -25,7 +25,8 @@ _SAME_S: Final = 1e-6
 def head(report: Report) -> Html:
     """Which flight."""
     source = report.provenance
-    vehicle = ", ".join(filter(None, (report.autopilot, source.vehicle))) or "vehicle unknown"
+    autopilot = "" if report.autopilot is None or report.autopilot in source.vehicle else report.autopilot
+    vehicle = ", ".join(filter(None, (autopilot, source.vehicle))) or "vehicle unknown"
     said = " · ".join(filter(None, (_KINDS.get(source.kind, source.kind), report.began, vehicle)))
     return Html(f'<h1>{text(Path(report.folder).name)}</h1><p class="sub">{text(said)}</p>')
 
@@ -111,7 +112,7 @@ def limits(report: Report) -> Html:
     for one in report.clipped:
         css = "s-gate" if one.name.startswith("gate") else "s-limit"
         bars = [Bar(start, end, css, f"{one.name}, {clock(start)} to {clock(end)}") for start, end in one.spans]
-        rows.append((f"{one.name}, {one.total_s:.1f} s", bars))
+        rows.append((f"{one.name}, {one.total_s:.1f}\u00a0s", bars))
     shares = (
         (one.name, f"{one.total_s:.1f} s", f"{one.total_s / whole_s:.1%}", moment(one.spans[0][0]))
         for one in report.clipped
@@ -134,6 +135,9 @@ def link_figures(report: Report) -> Html:
         rows += [
             ("received, sent", f"{link.received_kbps:.1f}, {link.sent_kbps:.1f} kB/s on average"),
             ("worst loss", f"{link.most_loss_frac:.1%} of two seconds' messages"),
+        ]
+    if link is not None and not report.provenance.is_import:
+        rows += [
             ("setpoints sent", link.setpoints_sent),
             ("dropped, too late", link.dropped_late),
             ("not MAVLink", f"{link.bad_frames} runs of bytes"),

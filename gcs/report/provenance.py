@@ -8,7 +8,7 @@ from typing import Any, Final
 from gcs.config import Config
 from gcs.config_explain import shown
 from gcs.recorder.manifest import Manifest, plain
-from gcs.report.figures import Changed, Provenance
+from gcs.report.figures import IMPORT, Changed, Provenance
 from gcs.video.frame import redact
 
 _SECRET: Final = frozenset({"page.token"})
@@ -26,7 +26,7 @@ def provenance_of(manifest: Manifest) -> Provenance:
         seed=manifest.seed,
         software=manifest.software,
         machine=manifest.machine,
-        changed=tuple(_changed(manifest.config)),
+        changed=() if manifest.kind == IMPORT else tuple(_changed(manifest.config)),
     )
 
 

@@ -13,7 +13,7 @@ from gcs.recorder.flight_recorder import MESSAGES, TLOG
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, ReplayError
-from gcs.report.figures import Provenance, Report
+from gcs.report.figures import IMPORT, Provenance, Report
 from gcs.report.provenance import provenance_of
 from gcs.report.tally import Tally
 from gcs.report.words import verdict_of
@@ -33,12 +33,13 @@ class Reading:
         self.log = FlightLog(folder)
         manifest, problems = _manifest(folder)
         self.config: Config | None = None
-        if manifest is not None:
+        is_import = manifest is not None and manifest.kind == IMPORT
+        if manifest is not None and not is_import:  # what is configured here was not flown with there
             try:
                 self.config = manifest.configuration
             except ManifestError as error:
                 problems.append(str(error))
-        self.tally = Tally(self.log.start_s, (self.config or Config()).control.follow)
+        self.tally = Tally(self.log.start_s, (self.config or Config()).control.follow, is_import)
         for entry in _counted(self.log, len(self.log), progress):
             self.tally.add(entry)
         self.tally.finish(self.log.span_s)
@@ -130,4 +131,5 @@ def _problems(folder: Path, manifest: Manifest | None, log: FlightLog, tally: Ta
         found.append(f"{tally.left_out} more lines of the timeline are left out here")
     film = Film(folder)
     film.close()
-    return found if film.problem is None else [*found, film.problem]
+    is_missed = film.is_there or manifest is None or manifest.kind != IMPORT
+    return [*found, film.problem] if film.problem is not None and is_missed else found

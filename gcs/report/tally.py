@@ -35,6 +35,7 @@ class Tally:
 
     start_s: float
     follow_config: FollowConfig = field(default_factory=FollowConfig)
+    is_import: bool = False  # another station flew it: its decisions tell the vehicle alone
     events: list[Event] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
     orders: list[Order] = field(default_factory=list)
@@ -108,17 +109,20 @@ class Tally:
             self.events = [event for event in self.events if event.kind != "vehicle"]
         else:
             step_s = tick.t_s - last.t_s
+        self._vehicle(tick, at_s)
+        if self.is_import:
+            return
+        if last is not None:
             self.longest_pause_s = max(self.longest_pause_s, step_s)
             self.pause_ms.add(at_s, step_s * 1000)
         self._acts(tick, at_s)
         self._state(tick, at_s)
-        self._vehicle(tick, at_s)
         self.follow.tick(tick, min(max(step_s, 0.0), _LONGEST_TICK_S))
         if tick.budget is not None:
             self.latency.add(tick.budget, at_s)
 
     def _state(self, tick: TickRow, at_s: float) -> None:
-        output, vehicle = tick.output, tick.inputs.vehicle
+        output = tick.output
         name = "engaging" if output.engaging else output.state.value
         why = tuple(cause.value for cause in output.reasons)
         if self._tell(at_s, "state", f"{name.upper()}: {'; '.join(why)}" if why else name.upper()):
@@ -127,9 +131,6 @@ class Tally:
                 self.phases[-1] = Phase(before.start_s, at_s, before.name, before.reasons)
             if len(self.phases) < _MOST:
                 self.phases.append(Phase(at_s, at_s, name, why))
-        if vehicle.mode is not VehicleMode.UNKNOWN:
-            armed = "armed" if vehicle.armed else "disarmed"
-            self._tell(at_s, "vehicle", f"{vehicle.mode.value}, {armed}")
 
     def _acts(self, tick: TickRow, at_s: float) -> None:
         inputs = tick.inputs
@@ -143,6 +144,9 @@ class Tally:
 
     def _vehicle(self, tick: TickRow, at_s: float) -> None:
         vehicle, state = tick.inputs.vehicle, tick.output.state
+        if vehicle.mode is not VehicleMode.UNKNOWN:
+            armed = "armed" if vehicle.armed else "disarmed"
+            self._tell(at_s, "vehicle", f"{vehicle.mode.value}, {armed}")
         if vehicle.battery_frac is not None:
             self.battery.add(at_s, vehicle.battery_frac * 100)
         if vehicle.position_t_s is None:
@@ -204,8 +208,8 @@ class Tally:
     # -- results ------------------------------------------------------------------------------------------
 
     @property
-    def has_decisions(self) -> bool:
-        """Whether the station decided anything: not so in what another recorded."""
+    def knows_home(self) -> bool:
+        """Whether the paths begin at home: as the decisions tell them they do."""
         return self._last is not None
 
     @property

@@ -53,8 +53,10 @@ def _latency(report: Report) -> Iterator[str]:
 
 
 def _rest(report: Report) -> Iterator[str]:
-    yield _row("video", f"{report.frames} frames, {report.fps:.1f} a second")
-    yield _row("longest pause", f"{report.longest_pause_s * 1000:.0f} ms between two decisions (50 are wanted)")
+    if report.frames:
+        yield _row("video", f"{report.frames} frames, {report.fps:.1f} a second")
+    if report.longest_pause_s:
+        yield _row("longest pause", f"{report.longest_pause_s * 1000:.0f} ms between two decisions (50 are wanted)")
     if (link := report.link) is not None:
         loss = f"loss up to {link.most_loss_frac:.0%}, {link.setpoints_sent} setpoints sent"
         yield _row("link", f"in {link.received_kbps:.1f}, out {link.sent_kbps:.1f} kB/s, {loss}")

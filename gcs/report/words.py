@@ -34,7 +34,7 @@ def times(count: int) -> str:
 
 def _happened(report: Report) -> Iterator[str]:
     follow = report.following
-    if report.provenance.kind == "import":
+    if report.provenance.is_import:
         yield "Imported from the log of another station: what the vehicle did is told, nothing was followed by ClimRT."
         return
     if not follow.confirmations:
@@ -59,6 +59,9 @@ def _happened(report: Report) -> Iterator[str]:
     often = [(one.name, one.total_s / whole_s) for one in report.clipped if one.name != "coasting" and whole_s > 0]
     if said := [f"{name} ({share:.0%} of the time)" for name, share in often if share > _MUCH_CLIPPED_FRAC]:
         yield f"What limited it most: {', '.join(said)}."
+    if report.link is not None:
+        sent, loss = report.link.setpoints_sent, report.link.most_loss_frac
+        yield f"On the link {sent} setpoints went out; at its worst {loss:.0%} of the vehicle's messages were lost."
     if report.follows:
         yield f"{'It' if follow.confirmations == 1 else 'The last follow'} ended {report.follows[-1].ended}."
 
@@ -86,7 +89,7 @@ def _look_at(report: Report, config: Config) -> Iterator[str]:
     if follow.longest_gap_s is not None and follow.longest_gap_s > _LONG_GAP_S:
         yield f"Look at the setpoints: for {follow.longest_gap_s * 1000:.0f} ms none was sent during a follow."
     if link is not None and link.most_loss_frac > _LOSSY_FRAC:
-        yield f"Look at the link: at its worst {link.most_loss_frac:.0%} of the vehicle's messages were lost."
+        yield f"Look at the link: {link.most_loss_frac:.0%} of the vehicle's messages were lost for a while."
     if report.battery_frac is not None and report.battery_frac[1] < _LOW_BATTERY_FRAC:
         yield f"Look at the battery: {report.battery_frac[1]:.0%} were left."
     if report.problems:

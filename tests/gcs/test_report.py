@@ -10,9 +10,11 @@ import pytest
 from control.causes import Cause
 from control.engagement import State
 from control.types import Reason
+from gcs.config import Config, VideoConfig
 from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures, WireCounters
 from gcs.recorder.events import Ordered, Received, Refusals, Said
+from gcs.recorder.manifest import Manifest, plain, write_manifest
 from gcs.report.make import report_of
 from gcs.report.reading import Reading
 from gcs.report.sampling import Curve, Place, Rms, Spread, Stretches, Trail
@@ -135,7 +137,7 @@ def test_the_link_is_told_with_its_worst_and_its_rates(tmp_path: Path) -> None:
     assert (link.most_loss_frac, link.setpoints_sent, link.dropped_late) == (0.25, 40, 2)
     assert link.received_kbps == pytest.approx(10.0)
     assert reading.tally.link.setpoints_hz.highest == pytest.approx(20.0)
-    assert any("25% of the vehicle's messages were lost" in said for said in reading.report.verdict)
+    assert any("25% of the vehicle's messages were lost for a while" in said for said in reading.report.verdict)
 
 
 def test_what_was_ordered_refused_and_said_is_in_order_of_time(tmp_path: Path) -> None:
@@ -226,3 +228,19 @@ def test_a_path_keeps_where_something_changed() -> None:
     assert len(trail.places) <= 101
     trail.add(replace(trail.places[-1], kind="unseen"))
     assert trail.places[-1].kind == "unseen"
+
+
+def test_of_an_imported_log_nothing_was_decided_here(tmp_path: Path) -> None:
+    folder = write_log(tmp_path / "flight", ticks(0.0, 2.0, State.NO_VIDEO))
+    manifest = Manifest(
+        kind="import", started="2026-05-03T10:00:00Z", ended="2026-05-03T10:00:02Z", t_start_s=START_S,
+        unix_start_s=1.7e9, software={}, machine={}, config=plain(Config(video=VideoConfig(fps=5.0))),
+    )  # fmt: skip
+    write_manifest(folder, manifest)
+    found = report_of(folder)
+    assert found.phases == ()
+    assert [event.text for event in found.timeline] == ["external, armed"]
+    assert found.longest_pause_s == 0.0
+    assert found.provenance.changed == ()
+    assert found.problems == ()  # without a film nothing is missing
+    assert "Imported" in found.verdict[0]
