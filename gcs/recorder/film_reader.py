@@ -78,14 +78,14 @@ class FilmReader:
                         continue
                     if stream is None or row.n < 0:
                         raise ValueError
-                except (msgspec.DecodeError, ValueError):
+                except (msgspec.DecodeError, ValueError, RecursionError):
                     damaged += line.endswith(b"\n")
                     continue
                 if self._holds(stream, row):
                     self._place(stream, row, has_begun)
                     has_begun = True
         if damaged:
-            self.problem = f"{self._folder / INDEX}: {damaged} lines in it cannot be read; their pictures are missing"
+            self.problem = f"{self._folder / INDEX}: {damaged} of its lines cannot be read: their pictures are missing"
         elif not self._places and self.problem is None:
             self.problem = f"{self._folder / INDEX}: no packet of its film is there"
 

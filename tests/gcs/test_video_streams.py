@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -24,6 +23,7 @@ from gcs.video.pyav import is_installed
 from tests.gcs import clips
 from tests.gcs.rtsp_server import RtspServer
 from tests.gcs.stream_sender import SIZE, StreamSender, free_port, number_of, numbered, write_sdp
+from tests.gcs.waiting import wait_for
 
 pytestmark = pytest.mark.skipif(not is_installed(), reason="sending a stream needs PyAV")
 
@@ -113,13 +113,6 @@ def test_a_sender_that_comes_back_is_seen_again(form: str, monkeypatch: pytest.M
         wait_for(lambda: source.trouble == "")
         source.close()
     assert source.reconnects >= 1
-
-
-def wait_for(true: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 10.0
-    while not true():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def test_sound_alone_is_no_video(tmp_path: Path, backend: str) -> None:
