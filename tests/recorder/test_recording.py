@@ -9,13 +9,19 @@ from pathlib import Path
 
 import pytest
 
+from gcs.app import make_flight
 from gcs.clock import FakeClock
 from gcs.config import Config, RecorderConfig
 from gcs.errors import GcsError
+from gcs.lockstep import loop as lockstep
+from gcs.lockstep.loop import LockstepLoop
+from gcs.lockstep.world import Setup
 from gcs.recorder import recording as module
+from gcs.recorder.flight_recorder import MESSAGES, FlightRecorder
 from gcs.recorder.folder import LOCK, FolderError, given_folder, new_folder
 from gcs.recorder.manifest import MANIFEST, VideoFacts, read_manifest
 from gcs.recorder.recording import recording
+from tests.faults.world import FaultWorld
 from tests.gcs.blob_tracker import BlobTracker
 from tests.gcs.test_flights import flight
 from tests.processes.station import ImaginedCamera
@@ -100,3 +106,19 @@ async def test_it_makes_room_and_says_so(tmp_path: Path) -> None:
     assert said == [f"record: {old} was removed, 0.20 GB: recorder.keep_gb is reached"]
     assert not old.exists()
     assert (kept.path / MANIFEST).exists()
+
+
+def test_trouble_with_the_record_stands_in_the_status(tmp_path: Path) -> None:
+    (tmp_path / MESSAGES).mkdir()  # so that it cannot be written
+    record = FlightRecorder(tmp_path, RecorderConfig())
+    line = f"{tmp_path / MESSAGES}: is a directory"
+    assert record.close() == [line]
+
+    async def main(loop: LockstepLoop) -> None:
+        world = FaultWorld(loop, Setup(3))
+        flight = make_flight(
+            world.flight.link, world.flight.vision._source, BlobTracker(), Config(), FakeClock(), print, record
+        )
+        assert flight.status().warnings[-1] == f"record: {line}"
+
+    lockstep.run(main)
