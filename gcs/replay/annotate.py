@@ -11,9 +11,9 @@ from typing import Any, Final, Protocol
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from gcs import hud
+from gcs.cli.progress import shown_progress
 from gcs.dryrun.output import AnnotatedVideo
 from gcs.errors import GcsError
 from gcs.flight_view import overlay
@@ -63,9 +63,8 @@ def _draw(recorded: Recorded, writer: _Writer) -> int:
     watermark = (recorded.manifest.watermark if recorded.manifest is not None else None) or station.watermark
     first_s: float | None = None
     said, said_s, pictures = "", -_SAID_S, 0
-    for moment in tqdm(
-        recorded.moments(), total=len(recorded.log.places(*SHOWN)), desc="film", unit="message", disable=None
-    ):
+    total = len(recorded.log.places(*SHOWN))
+    for moment in shown_progress(recorded.moments(), "film", "messages", total):
         sighting = station.took(moment)
         if isinstance(moment.message, Ordered | Said) and not tells_state(moment.message):
             said, said_s = words_of(moment.message), moment.t_s

@@ -9,8 +9,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from tqdm import tqdm
-
 from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
@@ -24,10 +22,8 @@ from gcs.replay.lines import play_json, play_lines
 from gcs.replay.player import Delivered, End, Player
 from gcs.replay.recorded import Recorded, open_recorded
 from gcs.replay.station import ReplayStation
-from gcs.replay.timeline import Glance, glance
+from gcs.replay.timeline import glance
 from gcs.signals import signals
-
-_SHOWN_AFTER_S = 1.0
 
 
 def main(args: argparse.Namespace) -> int:
@@ -59,21 +55,10 @@ def _play_lines(recorded: Recorded, speed: float, screen: Screen, clock: Clock, 
     play_lines(recorded, speed, screen.say, clock)
 
 
-def glance_of(recorded: Recorded) -> Glance:
-    """With a bar on the terminal where that takes long."""
-    with tqdm(desc="reading", unit="decision", leave=False, delay=_SHOWN_AFTER_S, disable=None) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        return glance(recorded.log, recorded.config.control.follow, progress)
-
-
 async def _play_page(recorded: Recorded, speed: float, screen: Screen, clock: Clock, config: Config) -> None:
     displays = Displays(replace(config, page=replace(config.page, enabled=True)), clock, screen.say)
     loop, stopping = asyncio.get_running_loop(), asyncio.Event()
-    station = ReplayStation(recorded, glance_of(recorded), displays.say)
+    station = ReplayStation(recorded, glance(recorded), displays.say)
 
     def deliver(delivered: Delivered) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended

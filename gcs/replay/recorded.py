@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -13,13 +14,15 @@ from gcs.audit import Audit
 from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.link_meters import LinkFigures
-from gcs.recorder.events import Ordered, Refusals, Said
+from gcs.recorder.events import Ordered, Received, Refusals, Said
 from gcs.recorder.manifest import MANIFEST, Manifest, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, FrameRow, Message, ReplayError, TickRow
 from gcs.video.frame import Image
 
 SHOWN: Final = (FrameRow, TickRow, Audit, LinkFigures, Ordered, Said, Refusals)  # all else is for flying again
+_UNFENCED: Final = ("import",)  # nobody of ours kept a fence
+_LEAST_BYTES: Final = 10  # of a MAVLink frame
 _HFOV_RAD: Final = math.radians(70)  # where nothing tells it
 
 
@@ -35,12 +38,16 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """config: the flight's, the default where it is not known. problems: in one line each."""
+    """config: the flight's, the default where it is not known. problems: in one line each.
+
+    fence: as it was kept, None where it is not known.
+    """
 
     log: FlightLog
     film: Film
     manifest: Manifest | None
     config: Config
+    fence: Fence | None
     problems: tuple[str, ...]
 
     @property
@@ -52,11 +59,6 @@ class Recorded:
             return self.config.camera_model(*self.film.size).hfov_rad
         except GcsError:  # calibrated for pictures of another shape, which are not there
             return _HFOV_RAD
-
-    @property
-    def fence(self) -> Fence | None:
-        """None where it is not known."""
-        return self.config.control.limits.fence if self.manifest is not None else None
 
     def moments(self, places: Iterable[int] | None = None, *, pictures: bool = True) -> Iterator[Moment]:
         """What is shown of these places of the log, of all of it where none are given."""
@@ -80,4 +82,25 @@ def open_recorded(folder: Path) -> Recorded:
             config = manifest.configuration
         except GcsError as error:
             problems.append(str(error))
-    return Recorded(log, film, manifest, config, tuple(problems))
+    fence = None
+    if manifest is not None and manifest.kind not in _UNFENCED:
+        fence = _placed(config.control.limits.fence, log)
+    return Recorded(log, film, manifest, config, fence, tuple(problems))
+
+
+def _placed(fence: Fence, log: FlightLog) -> Fence:
+    """A fence in degrees gets its place where the vehicle has told its home."""
+    if not fence.polygon_deg:
+        return fence
+    from gcs.framing import Deframer, dialect, message_id  # for fences in degrees alone
+
+    frames = Deframer()
+    for _, _, received in log.read(log.places(Received)):
+        if not isinstance(received, Received) or len(received.data) < _LEAST_BYTES:
+            continue
+        if message_id(received.data) != dialect.MAVLINK_MSG_ID_HOME_POSITION:
+            continue
+        for home in frames.datagram(received.data):
+            with contextlib.suppress(ValueError):  # too far from it
+                return fence.placed(home.latitude / 1e7, home.longitude / 1e7)
+    return fence

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
 from control.config import FollowConfig
 from control.engagement import State
 from control.fence import Fence
+from gcs.cli.progress import shown_progress
 from gcs.map_paths import target_of
 from gcs.operator.playback import Event, Kind, Stretch, Timeline
 from gcs.operator.station import Point, Scene
 from gcs.recorder.events import Ordered, Said
-from gcs.replay.log import FlightLog, Message, TickRow
+from gcs.replay.log import Message, TickRow
+from gcs.replay.recorded import Recorded
 from gcs.tick import Tick
 
 PATH_S: Final = 1.0
 _PATH_POINTS: Final = 300
-_NOTE_EVERY: Final = 500  # messages
 _ENGAGING: Final = "ENGAGING"
 _STATES: Final = frozenset({_ENGAGING, *(state.value.upper() for state in State)})
 
@@ -60,17 +60,13 @@ class Glance:
         return Scene(_place_of(tick), tick.inputs.vehicle.yaw_rad, target_of(tick, self.follow), fence, *paths)
 
 
-def glance(
-    log: FlightLog, follow: FollowConfig, progress: Callable[[int, int], None] = lambda done, total: None
-) -> Glance:
+def glance(recorded: Recorded) -> Glance:
     """Goes through all decisions once: some 20 µs for each."""
+    log, follow = recorded.log, recorded.config.control.follow
     places = log.places(TickRow, Ordered, Said)
     making = _Making(log.start_s, follow)
-    for done, (t_s, _, message) in enumerate(log.read(places)):
+    for t_s, _, message in shown_progress(log.read(places), "reading", "decisions", len(places)):
         making.take(t_s, message)
-        if done % _NOTE_EVERY == 0:
-            progress(done, len(places))
-    progress(len(places), len(places))
     return making.glance(log.span_s)
 
 

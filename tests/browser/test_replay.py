@@ -16,9 +16,9 @@ import pytest
 import pytest_asyncio
 
 from gcs.operator.orders import Abort
-from gcs.replay.play import glance_of
 from gcs.replay.recorded import open_recorded
 from gcs.replay.station import ReplayStation
+from gcs.replay.timeline import glance
 from tests.browser.conftest import LAPTOP, PATIENCE_MS, Desk, playwright_api, reads, shot
 from tests.browser.test_overlay import CYAN, GREEN, extent, pixels
 from tests.browser.test_screens import CONTRAST, LANDSCAPE, LAYOUT, PORTRAIT
@@ -99,6 +99,8 @@ async def test_it_plays_stands_still_and_goes_on(shown: Shown) -> None:
     await reads(page, "day", re.compile(r"\d+:\d\d:\d\d"))
     for name in FLIGHT_IS_ORDERED:
         assert not await page.locator(f"#{name}").is_visible()
+    await rest(page, "Home")
+    await page.keyboard.press("Space")
     await reads(page, "state", "FOLLOWING")
     await rest(page)
     frame, stood_s = await page.get_attribute("#picture", "data-frame"), await at_s(page)
@@ -175,6 +177,8 @@ async def test_pictures_events_and_speeds_have_their_keys(shown: Shown) -> None:
 
 async def test_orders_and_refusals_are_told_when_they_were(shown: Shown) -> None:
     page = await shown.open()
+    await rest(page, "Home")
+    await page.keyboard.press("Space")
     await page.locator("#says", has_text="follow refused: not following: no target").wait_for()
     await page.locator("#says", has_text="confirm to follow").wait_for()
     await rest(page, "Home", "n", "n")
@@ -200,7 +204,7 @@ async def test_where_a_flight_follows_a_recording_space_aborts(desk: Desk, fligh
     """The keys of a player must not outlive it, in a page that was left open."""
     page = await desk.open()
     recorded = open_recorded(flight)
-    desk.served.attach(ReplayStation(recorded, glance_of(recorded)))
+    desk.served.attach(ReplayStation(recorded, glance(recorded)))
     await page.wait_for_selector("#play[data-playing]")
     assert not await page.locator("#abort").is_visible()
     await page.keyboard.press("Space")

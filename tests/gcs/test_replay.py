@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
@@ -9,9 +10,11 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from control.engagement import State
+from control.geolocation import moved_deg
 from gcs.audit import Audit
 from gcs.flight_view import Sighting
 from gcs.operator.orders import Abort, Select
@@ -19,10 +22,11 @@ from gcs.operator.playback import Kind
 from gcs.recorder.flight_recorder import MESSAGES
 from gcs.recorder.manifest import MANIFEST
 from gcs.replay.log import FlightLog, FrameRow, ReplayError, TickRow
-from gcs.replay.play import glance_of
 from gcs.replay.recorded import open_recorded
 from gcs.replay.station import NoOrdersError, ReplayStation
+from gcs.replay.timeline import glance
 from gcs.tick import Tick
+from sitl_mocks.vehicle.telemetry import Home
 from tests.gcs.replay_rig import SIZE, grey_of, record_flight
 from tracker.box import Box
 
@@ -59,7 +63,7 @@ def played(
 ) -> tuple[Watching, ReplayStation]:
     """The whole flight at once; look: called after each moment."""
     recorded, watching = open_recorded(folder), Watching()
-    station = ReplayStation(recorded, glance_of(recorded), watching.said.append)
+    station = ReplayStation(recorded, glance(recorded), watching.said.append)
     station.watch(watching)
     for moment in recorded.moments():
         station.took(moment)
@@ -104,6 +108,21 @@ def test_the_map_shows_the_ways_over_the_ground_and_the_fence_of_the_flight(flow
     bare = Path(shutil.copytree(flown, tmp_path / "bare"))
     (bare / MANIFEST).unlink()  # as dry runs of earlier versions are
     assert played(bare)[1].scene().fence is None
+
+
+def test_a_fence_in_degrees_stands_round_the_home_that_the_vehicle_told(folder: Path) -> None:
+    manifest = json.loads((folder / MANIFEST).read_text())
+    corners_m = ((60.0, -40.0), (60.0, 80.0), (-50.0, 10.0))
+    home = Home()
+    corners_deg = [moved_deg((home.latitude_deg, home.longitude_deg), corner) for corner in corners_m]
+    manifest["config"]["control"]["limits"]["fence"]["polygon_deg"] = corners_deg
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    fence = open_recorded(folder).fence
+    assert fence is not None
+    assert np.array(fence.polygon_m) == pytest.approx(np.array(corners_m), abs=0.5)
+    manifest["kind"] = "import"  # nobody of ours kept it
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    assert open_recorded(folder).fence is None
 
 
 def test_lens_and_time_of_day_are_those_of_the_manifest(folder: Path) -> None:

@@ -22,8 +22,8 @@ from gcs.errors import GcsError
 from gcs.replay import annotate, play
 from gcs.replay.lines import play_lines
 from gcs.replay.log import FlightLog, FrameRow
-from gcs.replay.play import glance_of
 from gcs.replay.recorded import open_recorded
+from gcs.replay.timeline import glance
 from gcs.video.frame import Image
 from tests.gcs.replay_rig import SIZE, record_flight
 from tests.gcs.web_rig import web_rig
@@ -111,7 +111,7 @@ def test_a_film_has_the_overlay_drawn_in_and_the_flights_own_times(
     video.release()
     assert times_s[-1] == pytest.approx(rows[-1].t_arrival_s - rows[0].t_arrival_s, abs=0.15)
     assert len(images) == pytest.approx(len(rows), abs=2)
-    begins_s = {event.text.partition(":")[0]: event.t_s for event in glance_of(open_recorded(flown)).timeline.events}
+    begins_s = {event.text.partition(":")[0]: event.t_s for event in glance(open_recorded(flown)).timeline.events}
     start_s = FlightLog(flown).start_s
 
     def at(t_s: float) -> Image:

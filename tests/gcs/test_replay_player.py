@@ -11,10 +11,10 @@ import pytest
 from gcs.clock import Clock, FakeClock, MonotonicClock
 from gcs.operator.playback import Frames, Play, Seek, Speed
 from gcs.replay.log import FlightLog, FrameRow
-from gcs.replay.play import glance_of
 from gcs.replay.player import Delivered, End, Jump, Player
 from gcs.replay.recorded import Moment, open_recorded
 from gcs.replay.station import ReplayStation
+from gcs.replay.timeline import glance
 from tests.gcs.replay_rig import grey_of, record_flight
 
 SOON_S = 20.0
@@ -37,7 +37,7 @@ class Desk:
 
     def __init__(self, folder: Path, clock: Clock, speed: float) -> None:
         self.recorded = open_recorded(folder)
-        self.station = ReplayStation(self.recorded, glance_of(self.recorded))
+        self.station = ReplayStation(self.recorded, glance(self.recorded))
         self.delivered: queue.Queue[Delivered] = queue.Queue()
         self.player = self.station.player = Player(self.recorded, clock, speed, self.delivered.put)
 
@@ -85,7 +85,7 @@ def test_all_is_delivered_in_its_order_and_then_the_end(flown: Path) -> None:
 def test_a_seek_shows_what_was_shown_there(desk: Desk) -> None:
     """As if it had been played up to there: state, picture, map and refusals."""
     station = desk.station
-    played = ReplayStation(desk.recorded, glance_of(desk.recorded))
+    played = ReplayStation(desk.recorded, glance(desk.recorded))
     moments = list(desk.recorded.moments())
     for t_s in (5.0, 3.0, 0.7, 4.5):
         station.steer(Seek(t_s))
