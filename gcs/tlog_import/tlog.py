@@ -1,4 +1,7 @@
-"""Telemetry logs of any ground station: 8 bytes of wall clock (µs since 1970, big-endian) before each MAVLink frame."""
+"""Telemetry logs of any ground station: 8 bytes of wall clock (µs since 1970) before each MAVLink frame.
+
+The clock is big-endian; old logs of QGroundControl have it the other way round.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ _MARKERS: Final = frozenset({MARKER_V1, MARKER_V2})
 _MARKER: Final = re.compile(b"[\xfd\xfe]")
 _LOOKED_AT_BYTES: Final = 4_000_000  # whatever begins with so much of something else is something else
 _MOST_STEP_US: Final = 3_600_000_000  # a longer one is the clock being set
+_LAST_US: Final = 4_102_444_800_000_000  # the year 2100: later, the bytes are the other way round
 _LEAST_STEP_US: Final = -1_000_000  # two threads of a station write a little out of order
 
 
@@ -64,7 +68,7 @@ class Tlog:
         while at < end:
             length = self._length(at, is_expected=at == expected)
             if length:
-                self._take(int.from_bytes(self._data[at : at + _STAMP_BYTES], "big"))
+                self._take(_stamp_us(self._data[at : at + _STAMP_BYTES]))
                 begin, at = at + _STAMP_BYTES, at + _STAMP_BYTES + length
                 expected = at
                 yield self.span_s, self._data[begin:at]
@@ -109,3 +113,8 @@ class Tlog:
     def close(self) -> None:
         """Close the file."""
         self._data.close()
+
+
+def _stamp_us(data: bytes) -> int:
+    stamp_us = int.from_bytes(data, "big")
+    return stamp_us if stamp_us < _LAST_US else int.from_bytes(data, "little")

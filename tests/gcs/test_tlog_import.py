@@ -104,6 +104,16 @@ def test_frames_a_little_out_of_order_cost_no_time(frames: list[tuple[float, byt
     assert told.log_s == pytest.approx(frames[-1][0] - frames[0][0], abs=0.05)
 
 
+def test_stamps_the_other_way_round(frames: list[tuple[float, bytes]], tmp_path: Path) -> None:
+    """As QGroundControl once wrote them."""
+    records = [struct.pack("<Q", int(unix_s * 1e6)) + frame for unix_s, frame in frames]
+    (tmp_path / "x.tlog").write_bytes(b"".join(records))
+    told = import_flight(tmp_path / "x.tlog", tmp_path / "flight")
+    assert told.notes == ()
+    assert told.log_s == pytest.approx(frames[-1][0] - frames[0][0], abs=0.01)
+    assert read_manifest(tmp_path / "flight").unix_start_s == pytest.approx(frames[0][0], abs=0.01)
+
+
 def test_a_pause_of_the_link_stays_a_pause(tmp_path: Path) -> None:
     later = vehicle_frames(3.0, start_s=UNIX_S + 63.0)
     tlog = write_tlog(tmp_path / "x.tlog", [*vehicle_frames(3.0), *later])
