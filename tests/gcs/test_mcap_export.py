@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import resource
+import sys
 from base64 import b64decode
 from collections.abc import Iterator
 from pathlib import Path
@@ -206,4 +207,14 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     (line,) = capsys.readouterr().err.splitlines()
     assert "flight.mcap: file too large" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_extra_it_says_what_to_install(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    assert cli.main(["export", str(flight), "--mcap", str(tmp_path / "flight.mcap")]) == EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "pip install 'climrt-gcs[mcap]'" in line
     assert list(tmp_path.iterdir()) == []
