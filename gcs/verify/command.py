@@ -13,8 +13,8 @@ from gcs.config import Config
 from gcs.errors import EXIT_FAULT
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
-from gcs.verify.tuning import compare_with
-from gcs.verify.verify import Start, verify
+from gcs.verify.tuning import WhatIf, compare_with
+from gcs.verify.verify import Start, Verdict, verify
 
 
 def main(args: argparse.Namespace) -> int:
@@ -24,12 +24,11 @@ def main(args: argparse.Namespace) -> int:
     start = None if args.from_stage is None else Start(args.from_stage)
     logging.getLogger("gcs").setLevel(logging.ERROR)  # warnings of then are no news now
     try:
+        outcome: Verdict | WhatIf
         if args.with_config is not None:
             outcome = compare_with(folder, Path(args.with_config), start, screen.live)
-            status = 0
         else:
             outcome = verify(folder, start or Start.TRACKER, screen.live)
-            status = 0 if outcome.equal else EXIT_FAULT
     finally:
         screen.end()
     if args.json:
@@ -37,4 +36,4 @@ def main(args: argparse.Namespace) -> int:
     else:
         for line in outcome.lines():
             screen.say(line)
-    return status
+    return EXIT_FAULT if isinstance(outcome, Verdict) and not outcome.equal else 0
