@@ -1,10 +1,11 @@
 """Demo flights of all kinds, each recorded and flown again: `python -m tests.replay.prove [FLIGHTS]`, 40 s a flight.
 
-Exit status 1 unless every one comes out to the last bit, from the pictures on.
+Exit status 1 unless every one comes out to the last bit, from the pictures on; one that does not is kept in out/.
 """
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -44,7 +45,9 @@ def main(count: int) -> int:
             folder = Path(temporary) / "flight"
             fly(folder, scenario, personality, extra, seed)
             verdict = prove(folder)
-        is_exact = bool(verdict["exact"])
+            is_exact = bool(verdict["exact"])
+            if not is_exact:
+                shutil.copytree(folder, Path("out") / f"not-exact-{seed}", dirs_exist_ok=True)
         exact += is_exact
         said = f"exact: {verdict['compared']}" if is_exact else f"NOT: {verdict}"
         print(f"{seed:3d} {scenario} {personality} {' '.join(extra)} {said}", flush=True)
