@@ -44,7 +44,7 @@ from gcs.glass_delay import GlassDelay
 from gcs.latency_budget import BudgetDisplay
 from gcs.link_health import link_health
 from gcs.next import Next
-from gcs.recorder.events import Begun, Expected, Journal, NoJournal, Refusals, Said
+from gcs.recorder.events import Begun, Expected, Journal, NoJournal, RefusalNotes, Said
 from gcs.recorder.film import FilmSwitch
 from gcs.telemetry import Telemetry
 from gcs.tracking import BoxTracker
@@ -54,7 +54,6 @@ from tracker.box import Box
 
 _HEARTBEAT_S: Final = 1.0
 _SETTLE_S: Final = 6.0  # until the streams that were asked for must flow
-_REFUSALS_S: Final = 1.0  # how often they are asked for
 _ANSWER_S: Final = 0.05  # the vision thread waits no longer than this for the filter
 
 
@@ -119,8 +118,7 @@ class Flight:
         self._rate = FrameRate()
         self._settled_s = clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, self.say, clock.now_s())
-        self._refusals: tuple[str, ...] = ()
-        self._refusals_due_s = 0.0
+        self._refusals = RefusalNotes()
 
     # -- running ------------------------------------------------------------------------------------------
 
@@ -193,19 +191,9 @@ class Flight:
             wire.send_message(codec.timesync(stamp_ns))
         for watcher in self.watchers:
             watcher.ticked(tick)
-        self._note_refusals(tick)
+        self._refusals.note(tick.t_s, self.journal, lambda: self.control.refusals(now_s, tick.inputs.vehicle))
         self._ticked.tell(tick)
         return tick
-
-    def _note_refusals(self, tick: Tick) -> None:
-        """For those who look at the record: once a second, where they have changed."""
-        if tick.t_s < self._refusals_due_s or isinstance(self.journal, NoJournal):
-            return
-        self._refusals_due_s = tick.t_s + _REFUSALS_S
-        refusals = self.control.refusals(tick.t_s, tick.inputs.vehicle)
-        if refusals != self._refusals:
-            self._refusals = refusals
-            self.journal.note(tick.t_s, Refusals(refusals))
 
     async def _leave_gimbal(self) -> None:
         if self.gimbal is not None:

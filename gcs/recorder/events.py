@@ -6,13 +6,17 @@ else follows from them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from control.latency import DelayEstimate
 from control.types import BearingMeasurement
 from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
+
+
+_REFUSALS_S: Final = 1.0
 
 
 class Journal(Protocol):
@@ -86,6 +90,24 @@ class Refusals:
     """Everything that would keep a confirmation from being accepted, from now on; told where it changes."""
 
     reasons: tuple[str, ...]
+
+
+class RefusalNotes:
+    """Notes them where they have changed; asks once a second, and only for a flight that is recorded."""
+
+    def __init__(self) -> None:
+        self._reasons: tuple[str, ...] = ()
+        self._due_s = 0.0
+
+    def note(self, now_s: float, journal: Journal, refusals: Callable[[], tuple[str, ...]]) -> None:
+        """At each tick."""
+        if now_s < self._due_s or isinstance(journal, NoJournal):
+            return
+        self._due_s = now_s + _REFUSALS_S
+        reasons = refusals()
+        if reasons != self._reasons:
+            self._reasons = reasons
+            journal.note(now_s, Refusals(reasons))
 
 
 @dataclass(frozen=True, slots=True)
