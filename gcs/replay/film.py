@@ -17,7 +17,6 @@ from gcs.replay.log import Entry, FlightLog, FrameRow
 from gcs.video import VideoSource, open_source
 from gcs.video.frame import Image
 
-VIDEO: Final = "flight.mp4"
 _FPS: Final = 20.0
 _SIZES_PX: Final = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
 _GREY: Final = 90

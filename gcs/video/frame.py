@@ -29,7 +29,7 @@ class Frame:
     t_capture_s: when the light fell on the sensor; t_arrival_s: when the encoded picture was here, or where the
     decoder cannot tell, the decoded one. For live sources both are on the monotonic clock, for recorded ones both
     are the video's own time from 0. decode_s: from arrival to the decoded picture. packet: number of the packet that
-    held it, as `gcs.recorder.film` counts them.
+    held it, as a `gcs.video.tap.Tap` counts them.
     """
 
     seq: int

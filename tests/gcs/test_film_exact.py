@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.recorder.film import Film
+from gcs.recorder.film_reader import FilmReader
 from gcs.video import VideoSource, open_source
 from gcs.video import live as live_module
 from gcs.video import packets as packets_module
@@ -67,6 +68,23 @@ def test_streams_joined_in_the_middle(form: str, codec: str, options: dict[str, 
         frames = filmed(tmp_path, film, source, 40)
     assert len(frames) == 40
     assert_exact(tmp_path, frames)
+
+
+@needs_av
+def test_a_stream_that_opencv_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It gives no packets: the film is nearly what was tracked, and says so."""
+    monkeypatch.setattr("gcs.video.pyav.is_installed", lambda: False)
+    port, film = free_port(), Film(tmp_path)
+    with StreamSender("mpegts", port):
+        source = open_source(f"udp://127.0.0.1:{port}", reconnect=False, tap=film)
+        frames = filmed(tmp_path, film, source, 10)
+    reader = FilmReader(tmp_path)
+    assert (reader.codec, reader.is_exact) == ("mjpeg", False)
+    for frame in frames:
+        assert frame.packet is not None
+        image_bgr = reader.picture(frame.packet)
+        assert image_bgr is not None
+        assert np.abs(image_bgr.astype(int) - frame.image_bgr).mean() < 4
 
 
 @needs_av
