@@ -15,7 +15,6 @@ from control.types import BearingMeasurement
 from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
 
-
 _REFUSALS_S: Final = 1.0
 
 
