@@ -10,11 +10,11 @@ import argparse
 import asyncio
 import contextlib
 import itertools
-import math
 import os
 import random
 import sys
 import tempfile
+import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,11 +35,12 @@ from tests.processes.rig import Station, Wired, station, vehicle
 
 LOST_S = 1.0
 _FRAME_S = 0.05
+_ON_THE_WAY_S = 0.05  # from the log to the vehicle
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """From the last record to the last event that others saw before the kill, s; None: they had seen none."""
+    """Age, at the kill, of the oldest event that others saw and that is missing, s; None: they had seen none."""
 
     messages_s: float | None
     tlog_s: float | None
@@ -82,29 +83,35 @@ async def kill_one(seed: int, folder: Path) -> Loss:
             if chance.random() < 0.8:  # else somewhere on the way to the first tick
                 await s.hears(lambda line: "ticked_s" in line)
             await asyncio.sleep(chance.uniform(0.0, 3.0))
+            kill_s = time.monotonic()
             s.process.kill()
             await s.process.wait()
-        return await asyncio.to_thread(_loss, folder, s, w)
+        return await asyncio.to_thread(_loss, folder, kill_s, s, w)
 
 
-def _loss(folder: Path, s: Station, w: Wired) -> Loss:
+def _loss(folder: Path, kill_s: float, s: Station, w: Wired) -> Loss:
     assert [flight.state for flight in list_flights(folder.parent)] == [State.BROKEN_OFF]
     messages_s = tlog_s = film_s = None
-    if heard := [heard.t_s for heard in w.heard]:
-        ended_s = read_manifest(folder).unix_s(heard[-1])
-        tlog_s = max(ended_s - _tlog_end_s(folder), 0.0)
+    if heard := [heard.t_s - _ON_THE_WAY_S for heard in w.heard]:
+        manifest = read_manifest(folder)
+        tlog_s = _age_s(kill_s, heard, _tlog_end_s(folder) - manifest.unix_s(0.0))
     if ticked := [line["ticked_s"] for line in s.lines if "ticked_s" in line]:
-        messages_s = ticked[-1] - max((record.t_s for record in read_messages(folder / MESSAGES)), default=-math.inf)
         log = FlightLog(folder)
-        assert sum(1 for _ in log) == len(log) > 0
+        assert sum(1 for _ in log) == len(log)
         assert log.dropped == log.damaged == 0
+        messages_s = _age_s(kill_s, ticked, max(record.t_s for record in read_messages(folder / MESSAGES)))
     if arrived := [line["arrived_s"] for line in s.lines if "arrived_s" in line]:
         film = FilmReader(folder)
         packets = list(film.packets())
         assert film.picture(packets[-1].number) is not None
         film.close()
-        film_s = max(arrived[-1] - packets[-1].t_arrival_s, 0.0)
-    return Loss(None if messages_s is None else max(messages_s, 0.0), tlog_s, film_s)
+        film_s = _age_s(kill_s, arrived, packets[-1].t_arrival_s)
+    return Loss(messages_s, tlog_s, film_s)
+
+
+def _age_s(kill_s: float, known_s: list[float], end_s: float) -> float:
+    """Of the oldest known event after the last that is kept."""
+    return max((kill_s - each for each in known_s if each > end_s), default=0.0)
 
 
 def _tlog_end_s(folder: Path) -> float:
