@@ -13,6 +13,7 @@ import msgspec
 
 from gcs.errors import VideoError, one_line
 from gcs.recorder.film_index import INDEX, PacketRow, StreamRow
+from gcs.regular_file import open_regular
 from gcs.video.frame import Image
 from gcs.video.picture_decoder import PictureDecoder, open_decoder
 from gcs.video.tap import Coding
@@ -69,7 +70,7 @@ class FilmReader:
         """Raises OSError."""
         decode = msgspec.json.Decoder(StreamRow | PacketRow).decode
         stream, has_begun, damaged = None, False, 0
-        with (self._folder / INDEX).open("rb") as file:
+        with open_regular(self._folder / INDEX) as file:
             for line in file:
                 try:
                     row = decode(line)
@@ -95,7 +96,7 @@ class FilmReader:
             if Path(row.file).name != row.file or not row.file.startswith("film"):
                 raise ValueError
             path = self._folder / row.file
-            self._files[row.file], self._sizes[row.file] = path.open("rb"), path.stat().st_size
+            self._files[row.file], self._sizes[row.file] = open_regular(path), path.stat().st_size
         return row
 
     def _holds(self, stream: StreamRow, row: PacketRow) -> bool:

@@ -16,6 +16,7 @@ from gcs.recorder.flight_recorder import MESSAGES
 from gcs.recorder.folder import is_in_progress
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.recorder.retention import size_bytes
+from gcs.regular_file import open_regular
 
 LAST: Final = "last"
 _TAIL_BYTES: Final = 65_536
@@ -104,10 +105,10 @@ def _look_at(path: Path) -> RecordedFlight:
 
 def _length_s(path: Path, manifest: Manifest) -> float | None:
     """From the start to the last message; without messages as the wall clock tells."""
-    with contextlib.suppress(OSError), (path / MESSAGES).open("rb") as file:
+    with contextlib.suppress(OSError), open_regular(path / MESSAGES) as file:
         file.seek(max(0, file.seek(0, 2) - _TAIL_BYTES))
         for line in reversed(file.read().splitlines()):
-            with contextlib.suppress(msgspec.DecodeError):
+            with contextlib.suppress(msgspec.DecodeError, RecursionError):
                 return msgspec.json.decode(line, type=_Head).t_s - manifest.t_start_s
     with contextlib.suppress(ValueError):
         if manifest.ended is not None:

@@ -11,6 +11,7 @@ import msgspec
 
 from gcs.config import Config
 from gcs.errors import GcsError, one_line
+from gcs.regular_file import open_regular
 from gcs.video.frame import redact
 
 MANIFEST: Final = "manifest.json"
@@ -108,10 +109,11 @@ def read_manifest(folder: Path) -> Manifest:
     """Raises ManifestError."""
     path = folder / MANIFEST
     try:
-        manifest = msgspec.json.decode(path.read_bytes(), type=Manifest)
+        with open_regular(path) as file:
+            manifest = msgspec.json.decode(file.read(), type=Manifest)
     except OSError as error:
         raise ManifestError(f"{path}: {(error.strerror or str(error)).lower()}") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ManifestError(one_line(f"{path}: not a manifest: {error}")) from error
     if manifest.format != FORMAT:
         raise ManifestError(f"{path}: format {manifest.format}; this version reads {FORMAT}")

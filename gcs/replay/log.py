@@ -23,6 +23,7 @@ from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures
 from gcs.recorder.events import Begun, Expected, Ordered, Received, Refusals, Said, Selected
 from gcs.recorder.flight_recorder import MESSAGES
+from gcs.regular_file import open_regular
 from gcs.tick import Tick, Wanted
 from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
@@ -146,6 +147,7 @@ _KINDS: Final[dict[str, Any]] = {
     **{kind.__name__: kind for kind in (Audit, LinkFigures, Begun, Received)},
     **{kind.__name__: kind for kind in (Selected, Expected, Ordered, Said, Refusals)},
 }  # fmt: skip
+_UNREADABLE: Final = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # the last of what is nested without end
 _CODES: Final = {kind: code for code, kind in enumerate(_KINDS.values())}
 Message = FrameRow | TickRow | Audit | LinkFigures | Begun | Received | Selected | Expected | Ordered | Said | Refusals
 Entry = tuple[float, int | None, Message]  # time in s, frame number, what it is
@@ -177,11 +179,11 @@ class FlightLog:
     def _index(self) -> None:
         decode = msgspec.json.Decoder(_Head).decode
         offset, written = 0, 0
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             for line in file:
                 try:
                     head = decode(line)
-                except (msgspec.DecodeError, UnicodeDecodeError):
+                except _UNREADABLE:
                     if line.endswith(b"\n"):
                         self._broken, written = self._broken + 1, written + 1
                     else:
@@ -265,6 +267,6 @@ class FlightLog:
         try:
             row = self._decoder.decode(line)
             return (row.t_s, row.frame, self._decoders[row.type].decode(row.data)), row.data
-        except (msgspec.DecodeError, UnicodeDecodeError, KeyError):
+        except (*_UNREADABLE, KeyError):
             self._unread += 1
             return None

@@ -11,6 +11,7 @@ from typing import Final, TypeVar
 from gcs.config import Config
 from gcs.recorder.flight_recorder import MESSAGES, TLOG
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
+from gcs.regular_file import open_regular
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, ReplayError
 from gcs.report.figures import IMPORT, Provenance, Report
@@ -101,7 +102,7 @@ def _began(folder: Path, span_s: float, manifest: Manifest | None, start_s: floa
         began_s = manifest.unix_s(start_s)
     else:
         try:
-            with (folder / TLOG).open("rb") as file:
+            with open_regular(folder / TLOG) as file:
                 stamp = file.read(_TLOG_STAMP_BYTES)
             if len(stamp) == _TLOG_STAMP_BYTES:
                 began_s = int.from_bytes(stamp, "big") / 1e6

@@ -13,6 +13,7 @@ from typing import Final
 
 from gcs.errors import GcsError
 from gcs.framing import MARKER_V1, MARKER_V2, frame_length
+from gcs.regular_file import open_regular
 
 _STAMP_BYTES: Final = 8
 _HEAD_BYTES: Final = 3  # of a frame, which tell its length
@@ -40,7 +41,7 @@ class Tlog:
         """Raises TlogError where there is no such file, or nothing in it."""
         self.path = path
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise TlogError(f"{path}: {(error.strerror or str(error)).lower()}") from error
