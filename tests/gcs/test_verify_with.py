@@ -43,7 +43,6 @@ def test_a_lower_limit_of_speed_would_have_been_kept(flown: Path, tmp_path: Path
     assert found.flown["speed, most m/s"] > 1.0
     assert found.otherwise["speed, most m/s"] <= 0.6 + 1e-6
     assert found.apart["velocity, rms m/s"] > 0.1
-    assert found.apart["in another state, s"] == 0.0
     image = cv2.imread(found.picture)
     assert image is not None
     assert image.std() > 5
