@@ -10,8 +10,8 @@ _CODECS: Final = frozenset({"h264", "hevc"})
 
 
 def is_annex_b(codec: str, extradata: bytes) -> bool:
-    """Whether packets need no filter; other codecs never do."""
-    return codec not in _CODECS or not extradata or extradata.startswith((b"\0\0\1", _START))
+    """Whether packets need no filter; other codecs never do. Only a configuration record begins with a 1."""
+    return codec not in _CODECS or not extradata.startswith(b"\1")
 
 
 def parameter_sets(codec: str, record: bytes) -> bytes:

@@ -10,10 +10,13 @@ from tests.gcs.stream_sender import free_port
 
 
 class BadRelay:
-    """What comes to `port` goes on to to_port, but for the shares (0 to 1) that are lost, late by one, or damaged."""
+    """What comes to `port` goes on to to_port; once `is_bad`, but for the shares (0 to 1) that are lost, late by one,
+    or damaged.
+    """
 
     def __init__(self, to_port: int, *, lost: float = 0.0, swapped: float = 0.0, damaged: float = 0.0) -> None:
         self.port = free_port()
+        self.is_bad = False
         self.harmed = 0
         self._shares = lost, swapped, damaged
         self._to = ("127.0.0.1", to_port)
@@ -40,7 +43,7 @@ class BadRelay:
                 data = self._socket.recv(65536)
             except TimeoutError:
                 continue
-            lost, swapped, damaged = (self._random.random() < share for share in self._shares)
+            lost, swapped, damaged = (self.is_bad and self._random.random() < share for share in self._shares)
             self.harmed += lost or swapped or damaged
             if damaged:
                 changed = bytearray(data)

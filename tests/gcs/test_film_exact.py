@@ -106,7 +106,9 @@ def test_what_a_bad_radio_leaves(form: str, harm: dict[str, float], tmp_path: Pa
     port, film = free_port(), Film(tmp_path)
     with BadRelay(port, **harm) as relay, StreamSender(form, relay.port, picture=moving):
         address = f"{'udp' if form == 'mpegts' else 'rtp'}://127.0.0.1:{port}"
-        frames = filmed(tmp_path, film, open_source(address, tap=film), 60)
+        source = open_source(address, tap=film)
+        relay.is_bad = True
+        frames = filmed(tmp_path, film, source, 60)
         assert relay.harmed > 5
     assert_exact(tmp_path, frames, backwards=False)  # what hides a hole is older than the key frame
 
