@@ -39,4 +39,9 @@ class VehicleError(GcsError):
 
 def one_line(text: object) -> str:
     """For the terminal: the first 500 characters, with line breaks and control characters made harmless."""
-    return "".join(c if c.isprintable() else " " for c in str(text)[:500]).strip()
+    return printable(str(text)[:500]).strip()
+
+
+def printable(text: str) -> str:
+    """What comes from elsewhere shall not steer the terminal: a blank for each line break and control character."""
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs.config import load
+from gcs.errors import one_line, printable
 from gcs.recorder.flights import RecordedFlight, list_flights
 
 _HEAD: Final = ("flight", "started", "length", "size", "kind", "vehicle", "follows", "state")
@@ -52,9 +53,9 @@ def _table(flights: list[RecordedFlight]) -> list[str]:
             cell.rjust(width) if name in _RIGHT else cell.ljust(width)
             for name, cell, width in zip(_HEAD, row, widths, strict=True)
         )
-        lines.append("  ".join(cells).rstrip())
+        lines.append(printable("  ".join(cells).rstrip()))
         if number:
-            lines += [f"  ! {problem}" for problem in flights[number - 1].problems]
+            lines += [f"  ! {one_line(problem)}" for problem in flights[number - 1].problems]
     return lines
 
 

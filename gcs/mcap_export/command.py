@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -17,7 +16,7 @@ import msgspec
 from control.camera import CameraModel
 from gcs.cli.progress import shown_progress
 from gcs.config import Config, load
-from gcs.errors import ConfigError
+from gcs.errors import ConfigError, one_line
 from gcs.mcap_export.topics import FlightTopics
 from gcs.mcap_export.video import FilmTopics
 from gcs.mcap_export.writer import ExportError, TopicWriter
@@ -25,6 +24,7 @@ from gcs.recorder.film_reader import FilmReader
 from gcs.recorder.flights import find_flight
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.replay.log import FlightLog
+from gcs.result_file import result_file
 
 _MCAP: Final = "flight.mcap"
 
@@ -48,22 +48,21 @@ def main(args: argparse.Namespace) -> int:
         sys.stdout.write(msgspec.json.encode(exported).decode() + "\n")
         return 0
     for note in exported.notes:
-        sys.stderr.write(f"{note}\n")
+        sys.stderr.write(f"{one_line(note)}\n")
     size_mb, count = exported.bytes / 1e6, sum(exported.topics.values())
-    sys.stdout.write(f"{exported.file}: {size_mb:.1f} MB, {count} messages on {len(exported.topics)} topics\n")
+    said = f"{exported.file}: {size_mb:.1f} MB, {count} messages on {len(exported.topics)} topics"
+    sys.stdout.write(f"{one_line(said)}\n")
     return 0
 
 
 def export_flight(folder: Path, path: Path) -> Exported:
     """Write the file, at once or not at all. Raises ReplayError without a flight, ExportError where it cannot be."""
     log = FlightLog(folder)
-    if path.exists() and not path.is_file():
-        raise ExportError(f"{path}: is no file that could be written over")
-    draft = path.with_name(f"{path.name}.new")
+    if path.suffix.lower() != ".mcap":
+        raise ExportError(f"--mcap {path}: the name must end in .mcap")
     try:
-        with _removed_unless_done(draft), draft.open("wb") as file:
+        with result_file(path) as file:
             counts, notes = _write(folder, log, file)
-        draft.replace(path)
     except OSError as error:
         raise ExportError(f"{path}: {(error.strerror or str(error)).lower()}") from error
     return Exported(str(path), path.stat().st_size, counts, tuple(notes))
@@ -123,12 +122,3 @@ def _camera(config: Config, size: tuple[int, int] | None, notes: list[str]) -> C
     except ConfigError as error:
         notes.append(str(error))
         return None
-
-
-@contextlib.contextmanager
-def _removed_unless_done(draft: Path) -> Iterator[None]:
-    try:
-        yield
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise

@@ -11,6 +11,7 @@ from typing import Final
 
 import msgspec
 
+from gcs.recorder.seconds import Seconds
 from gcs.video.tap import Coding, Library
 
 INDEX: Final = "film.jsonl"
@@ -44,7 +45,7 @@ class PacketRow(msgspec.Struct, frozen=True, tag="packet", omit_defaults=True):
     n: int
     at: int
     size: int
-    t_arrival_s: float
+    t_arrival_s: Seconds
     key: bool = False
     skips: bool = False
 

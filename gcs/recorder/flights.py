@@ -16,6 +16,7 @@ from gcs.recorder.flight_recorder import MESSAGES
 from gcs.recorder.folder import is_in_progress
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.recorder.retention import size_bytes
+from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
 
 LAST: Final = "last"
@@ -47,7 +48,7 @@ class RecordedFlight:
 
 
 class _Head(msgspec.Struct):
-    t_s: float
+    t_s: Seconds
 
 
 def find_flight(text: str, folder: Path) -> Path:

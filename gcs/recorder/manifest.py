@@ -12,6 +12,7 @@ import msgspec
 
 from gcs.config import Config
 from gcs.errors import GcsError, one_line
+from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
 from gcs.video.frame import redact
 
@@ -50,8 +51,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
     kind: str
     started: str
-    t_start_s: float
-    unix_start_s: float
+    t_start_s: Seconds
+    unix_start_s: Seconds
     software: dict[str, str]
     machine: dict[str, str]
     config: dict[str, Any]

@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 
 from gcs.clock import Clock
+from gcs.errors import one_line
 from gcs.operator.web.reports import status_report
 from gcs.recorder.events import Ordered, Refusals, Said
 from gcs.replay.recorded import Moment, Recorded
@@ -32,11 +33,11 @@ def play_lines(recorded: Recorded, speed: float, say: Say, clock: Clock, sleep: 
         at = f"{moment.t_s - start_s:7.1f} s  "
         told = _told(moment)
         if told is not None:
-            say(at + told)
+            say(at + one_line(told))
         headline = station.status().headline
         if headline != shown or moment.t_s >= due_s:
             shown, due_s = headline, moment.t_s + _LINE_S
-            say(at + station.status_line())
+            say(at + one_line(station.status_line()))
 
 
 def _told(moment: Moment) -> str | None:

@@ -23,6 +23,7 @@ from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures
 from gcs.recorder.events import Begun, Expected, Ordered, Received, Refusals, Said, Selected
 from gcs.recorder.flight_recorder import MESSAGES
+from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
 from gcs.tick import Tick, Wanted
 from gcs.vision_tape import Told
@@ -63,9 +64,9 @@ class _DelayRow(msgspec.Struct, frozen=True):
 class FrameRow(msgspec.Struct, frozen=True):
     """A `gcs.recorder.events.FrameRecord` as read back; what was no number there is None."""
 
-    t_capture_s: float
-    t_arrival_s: float
-    t_done_s: float
+    t_capture_s: Seconds
+    t_arrival_s: Seconds
+    t_done_s: Seconds
     selection: int = 0
     result: _ResultRow | None = None
     measurement: BearingMeasurement | None = None
@@ -76,7 +77,7 @@ class FrameRow(msgspec.Struct, frozen=True):
     glass_delay: _DelayRow = _DelayRow()
     repeated: bool = False
     predicted: Box | None = None
-    t_saw_s: float | None = None
+    t_saw_s: Seconds | None = None
     fingerprint: int | None = None
     packet: int | None = None
     told: Told | None = None
@@ -96,7 +97,7 @@ class FrameRow(msgspec.Struct, frozen=True):
 class Sent(msgspec.Struct, frozen=True):
     """A setpoint as it left; a record, which no wire takes."""
 
-    t_s: float
+    t_s: Seconds
     velocity_ned_mps: Vec3
     yaw_rate_rps: float
 
@@ -104,7 +105,7 @@ class Sent(msgspec.Struct, frozen=True):
 class TickRow(msgspec.Struct, frozen=True):
     """A `Tick` as read back."""
 
-    t_s: float
+    t_s: Seconds
     inputs: Inputs
     output: Output
     target: TargetState | None
@@ -130,13 +131,13 @@ class TickRow(msgspec.Struct, frozen=True):
 
 class _Head(msgspec.Struct, frozen=True):
     n: int
-    t_s: float
+    t_s: Seconds
     type: str
     frame: int | None = None
 
 
 class _Line(msgspec.Struct, frozen=True):
-    t_s: float
+    t_s: Seconds
     type: str
     frame: int | None
     data: msgspec.Raw

@@ -12,7 +12,7 @@ from pathlib import Path
 from gcs.cli.args_operator import with_operator_arguments
 from gcs.clock import Clock, MonotonicClock
 from gcs.config import Config
-from gcs.errors import GcsError
+from gcs.errors import GcsError, one_line
 from gcs.operator.displays import Displays
 from gcs.operator.playback import SPEEDS
 from gcs.operator.terminal_screen import Screen
@@ -35,7 +35,7 @@ def main(args: argparse.Namespace) -> int:
     screen, clock = Screen(sys.stdout), MonotonicClock()
     with contextlib.closing(recorded.film):
         if args.film is not None:
-            screen.say(write_film(recorded, Path(args.film)))
+            screen.say(one_line(write_film(recorded, Path(args.film))))
             return 0
         with contextlib.suppress(KeyboardInterrupt):
             if args.page:
@@ -51,7 +51,7 @@ def _play_lines(recorded: Recorded, speed: float, screen: Screen, clock: Clock, 
         play_json(recorded, speed, screen.say, clock)
         return
     for problem in recorded.problems:
-        screen.say(problem)
+        screen.say(one_line(problem))
     play_lines(recorded, speed, screen.say, clock)
 
 

@@ -11,7 +11,7 @@ from typing import Final
 import msgspec
 
 from gcs.config import RecorderConfig
-from gcs.errors import GcsError
+from gcs.errors import GcsError, one_line
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
 from gcs.replay.film import Film
@@ -20,6 +20,7 @@ from gcs.report.page import page_of
 from gcs.report.pictures import pictures_of
 from gcs.report.reading import Progress, Reading
 from gcs.report.text import text_of
+from gcs.result_file import result_file
 
 PAGE: Final = "report.html"
 _QUIET_S: Final = 2.0
@@ -38,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
     screen = Screen(sys.stderr)
     report, path = make(folder, None if args.html is None else Path(args.html), _patient(screen))
     screen.block([])
-    sys.stdout.write(f"{text_of(report)}\n\n  page: {path}\n")
+    sys.stdout.write(f"{text_of(report)}\n\n  page: {one_line(path)}\n")
     return 0
 
 
@@ -54,6 +55,9 @@ def write_report(folder: Path, path: Path | None = None) -> Path:
 
 def make(folder: Path, path: Path | None = None, progress: Progress = lambda _: None) -> tuple[Report, Path]:
     """Report and page. progress: told now and then how far it is."""
+    target = path or folder / PAGE
+    if target.suffix.lower() != ".html":
+        raise ReportError(f"--html {target}: the name must end in .html")
     reading = Reading(folder, progress)
     progress("pictures")
     film = Film(folder, reading.log)
@@ -61,10 +65,10 @@ def make(folder: Path, path: Path | None = None, progress: Progress = lambda _: 
         pictures = pictures_of(reading.tally.follow, film) if film.is_there else {}
     finally:
         film.close()
-    target = path or folder / PAGE
     text = page_of(reading.report, reading.tally, pictures, reading.config)
     try:
-        target.write_text(text, encoding="utf-8")
+        with result_file(target) as file:
+            file.write(text.encode("utf-8", "replace"))
     except OSError as error:
         raise ReportError(f"{target}: {(error.strerror or str(error)).lower()}") from error
     return reading.report, target

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from gcs.errors import printable
 from gcs.report.figures import Event, Report
 
 _WIDTH: Final = 100
@@ -15,7 +16,9 @@ _NAMES: Final = {"track": "tracker"}
 
 def text_of(report: Report) -> str:
     """All of it, line by line."""
-    return "\n".join(line[:_WIDTH] for part in (_head, _following, _latency, _rest, _timeline) for line in part(report))
+    return "\n".join(
+        printable(line[:_WIDTH]) for part in (_head, _following, _latency, _rest, _timeline) for line in part(report)
+    )
 
 
 def _head(report: Report) -> Iterator[str]:

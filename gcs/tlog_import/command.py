@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 
 from gcs.config import Config, load
+from gcs.errors import one_line, printable
 from gcs.recorder.facts import machine, software, utc
 from gcs.recorder.flight_recorder import MESSAGES, TLOG
 from gcs.recorder.folder import FlightFolder, given_folder, refused
@@ -26,6 +27,7 @@ from gcs.tlog_import.video import ImportedVideo
 
 _SLACK_S: Final = 60.0  # a video may begin and end a little outside of the log
 _WRITE_S: Final = 60.0
+_MOST_OFFSET_S: Final = 1e9
 
 
 class Imported(msgspec.Struct, frozen=True):
@@ -52,8 +54,8 @@ def main(args: argparse.Namespace) -> int:
         sys.stdout.write(msgspec.json.encode(imported).decode() + "\n")
         return 0
     for note in imported.notes:
-        sys.stderr.write(f"{note}\n")
-    sys.stdout.write("\n".join(_lines(imported)) + "\n")
+        sys.stderr.write(f"{one_line(note)}\n")
+    sys.stdout.write("\n".join(map(printable, _lines(imported))) + "\n")
     return 0
 
 
@@ -66,6 +68,8 @@ def import_flight(
     """
     if offset_s is not None and video is None:
         raise TlogError("--offset: only with --video")
+    if offset_s is not None and not abs(offset_s) <= _MOST_OFFSET_S:
+        raise TlogError(f"--offset {offset_s:g}: at most {_MOST_OFFSET_S:g} s either way")
     tlog = Tlog(path)
     with contextlib.closing(tlog):
         found = survey(tlog, system_id)

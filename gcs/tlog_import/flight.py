@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
@@ -81,9 +82,11 @@ class ImportedFlight:
         while self._tick_due_s is not None and self._tick_due_s <= t_s:
             due_s = self._tick_due_s
             self._clock.t_s = max(due_s, self._clock.t_s)
-            self._tick_due_s = due_s + TICK_S
             if due_s - self._heard_s <= _SILENT_S:
+                self._tick_due_s = due_s + TICK_S
                 self._tick(due_s)
+            else:  # however long nothing is heard
+                self._tick_due_s = due_s + TICK_S * max(math.floor((t_s - due_s) / TICK_S), 1)
 
     def _tick(self, t_s: float) -> None:
         sees = self._shown_s is not None and t_s - self._shown_s <= _PICTURE_AGE_S

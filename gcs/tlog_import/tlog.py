@@ -96,7 +96,9 @@ class Tlog:
 
     def _take(self, stamp_us: int) -> None:
         step_us = stamp_us - self._stamp_us
-        if self.frames == 0:
+        if stamp_us >= _LAST_US:
+            self.clock_steps += 1  # no time at all: the frame comes with the one before
+        elif self.frames == 0:
             self._set_clock(stamp_us)
         elif _LEAST_STEP_US <= step_us <= _MOST_STEP_US:
             self._t_us += max(step_us, 0)

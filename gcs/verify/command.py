@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from gcs.config import Config
-from gcs.errors import EXIT_FAULT
+from gcs.errors import EXIT_FAULT, printable
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
 from gcs.verify.tuning import WhatIf, compare_with
@@ -35,5 +35,5 @@ def main(args: argparse.Namespace) -> int:
         sys.stdout.write(msgspec.json.encode(outcome).decode() + "\n")
     else:
         for line in outcome.lines():
-            screen.say(line)
+            screen.say(printable(line))
     return EXIT_FAULT if isinstance(outcome, Verdict) and not outcome.equal else 0

@@ -18,6 +18,7 @@ from gcs.config import Config
 from gcs.config_yaml import load_layers
 from gcs.errors import GcsError
 from gcs.replay.log import TickRow
+from gcs.result_file import result_file
 from gcs.verify.again import Again, recorded_seen
 from gcs.verify.course import Course, apart
 from gcs.verify.verify import Progress, Recorded, SeenOf, Start, track_again
@@ -140,6 +141,7 @@ def draw(path: Path, flown: Course, otherwise: Course, name: str) -> None:
     panels[0].set_title("orange: in another state than flown")
     panels[-1].set_xlabel("time (s)")
     try:
-        figure.savefig(path)
+        with result_file(path) as file:
+            figure.savefig(file, format="png")
     except OSError as error:
         raise GcsError(f"{path}: {(error.strerror or str(error)).lower()}") from error

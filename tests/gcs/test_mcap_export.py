@@ -187,8 +187,8 @@ def test_what_cannot_be_is_one_line(flight: Path, tmp_path: Path, capsys: pytest
         (["export", str(tmp_path / "none")], "no such flight"),
         (["export", str(empty)], "messages.jsonl"),
         (["export", str(flight), "--mcap", str(tmp_path / "no" / "where.mcap")], "where.mcap: no such file"),
-        (["export", str(flight), "--mcap", "/dev/null"], "/dev/null: is no file"),
-        (["export", str(flight), "--mcap", str(empty)], "is no file"),
+        (["export", str(flight), "--mcap", "/dev/null"], "must end in .mcap"),
+        (["export", str(flight), "--mcap", str(empty)], "must end in .mcap"),
     ):
         assert cli.main(argv) == EXIT_USAGE
         (line,) = capsys.readouterr().err.splitlines()
