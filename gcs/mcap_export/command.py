@@ -17,6 +17,7 @@ from control.camera import CameraModel
 from gcs.cli.progress import shown_progress
 from gcs.config import Config, load
 from gcs.errors import ConfigError, one_line
+from gcs.json_line import json_line
 from gcs.mcap_export.topics import FlightTopics
 from gcs.mcap_export.video import FilmTopics
 from gcs.mcap_export.writer import ExportError, TopicWriter
@@ -45,7 +46,7 @@ def main(args: argparse.Namespace) -> int:
     folder = find_flight(args.flight, Path(load(None).recorder.folder))
     exported = export_flight(folder, Path(args.mcap) if args.mcap else folder / _MCAP)
     if args.json:
-        sys.stdout.write(msgspec.json.encode(exported).decode() + "\n")
+        sys.stdout.write(json_line(exported))
         return 0
     for note in exported.notes:
         sys.stderr.write(f"{one_line(note)}\n")

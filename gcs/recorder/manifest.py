@@ -6,7 +6,7 @@ import contextlib
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import msgspec
 
@@ -28,8 +28,8 @@ class VideoFacts(msgspec.Struct, frozen=True):
     """The video source; address without user name and password."""
 
     address: str
-    width_px: int
-    height_px: int
+    width_px: Annotated[int, msgspec.Meta(ge=1, le=65535)]
+    height_px: Annotated[int, msgspec.Meta(ge=1, le=65535)]
     fps: float | None
 
 

@@ -10,6 +10,7 @@ import msgspec
 
 from gcs.clock import Clock
 from gcs.errors import one_line
+from gcs.json_line import json_line
 from gcs.operator.web.reports import status_report
 from gcs.recorder.events import Ordered, Refusals, Said
 from gcs.replay.recorded import Moment, Recorded
@@ -17,6 +18,7 @@ from gcs.replay.station import ReplayStation
 from gcs.replay.timeline import tells_state, words_of
 
 _LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
+_LONGEST_WAIT_S: Final = 1e6  # a sleep of many years is none
 _STATUS_S: Final = 1.0  # the same of JSON lines
 
 Say = Callable[[str], None]
@@ -61,7 +63,7 @@ def play_json(recorded: Recorded, speed: float, say: Say, clock: Clock, sleep: S
         message = moment.message
         if isinstance(message, Ordered | Said | Refusals):
             line = {"type": type(message).__name__.lower(), "t_s": moment.t_s, **msgspec.to_builtins(message)}
-            say(msgspec.json.encode(line).decode())
+            say(json_line(line).rstrip("\n"))
         headline = station.status().headline
         if headline != shown or moment.t_s >= due_s:
             shown, due_s = headline, moment.t_s + _STATUS_S
@@ -72,7 +74,6 @@ def paced(recorded: Recorded, speed: float, clock: Clock, sleep: Sleep) -> Itera
     """Every message when it is due, without pictures."""
     begun_s, start_s = clock.now_s(), recorded.log.start_s
     for moment in recorded.moments(pictures=False):
-        wait_s = begun_s + (moment.t_s - start_s) / speed - clock.now_s()
-        if wait_s > 0:
-            sleep(wait_s)
+        while (wait_s := begun_s + (moment.t_s - start_s) / speed - clock.now_s()) > 0:
+            sleep(min(wait_s, _LONGEST_WAIT_S))
         yield moment

@@ -25,6 +25,7 @@ from gcs.recorder.events import Begun, Expected, Ordered, Received, Refusals, Sa
 from gcs.recorder.flight_recorder import MESSAGES
 from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
+from gcs.replay.order import in_order
 from gcs.tick import Tick, Wanted
 from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
@@ -175,7 +176,7 @@ class FlightLog:
         if not self._times_s:
             raise ReplayError(f"{self.path}: no flight in it")
         if next(iter(self), None) is None:  # a dry run without a page thinks in other messages
-            raise ReplayError(f"{self.path}: no message of a flight in it can be read")
+            raise ReplayError(f"{self.path}: no message of a flight in it; a dry run without --page leaves none")
 
     def _index(self) -> None:
         decode = msgspec.json.Decoder(_Head).decode
@@ -193,11 +194,11 @@ class FlightLog:
                     self.dropped += max(head.n - written, 0)
                     written = head.n + 1
                     if head.type in _KINDS:
-                        # The log is in the order of writing, which that of time is nearly.
-                        self._times_s.append(max(head.t_s, self._times_s[-1]) if self._times_s else head.t_s)
+                        self._times_s.append(head.t_s)
                         self._offsets.append(offset)
                         self._codes.append(_CODES[_KINDS[head.type]])
                 offset += len(line)
+        self._times_s = in_order(self._times_s)
 
     def __len__(self) -> int:
         return len(self._times_s)

@@ -19,6 +19,7 @@ from gcs.replay.recorded import SHOWN, Moment, Recorded
 _LATE_S: Final = 0.2  # behind by more: pictures are left out, decisions are not
 _APART_S: Final = 0.03  # between pictures, however fast it is played
 _BEFORE_S: Final = 2.0  # so much of the flight before a place tells all that is shown there
+_LONGEST_WAIT_S: Final = 3600.0
 _CLOSE_S: Final = 5.0
 
 
@@ -74,7 +75,8 @@ class Player:
                 wait_s = self._wait_s()
                 order = self._orders.get(wait_s != 0.0, wait_s)
             except queue.Empty:
-                self._go_on()
+                if self._clock.now_s() >= self._due_s():
+                    self._go_on()
                 continue
             if order is None:
                 return
@@ -96,7 +98,7 @@ class Player:
         """Until the next message is due; None: for an order."""
         if not self.is_playing or self._next >= len(self._places):
             return None
-        return max(0.0, self._due_s() - self._clock.now_s())
+        return min(max(0.0, self._due_s() - self._clock.now_s()), _LONGEST_WAIT_S)
 
     def _go_on(self) -> None:
         now_s, due_s = self._clock.now_s(), self._due_s()

@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from gcs.config import RecorderConfig
 from gcs.errors import GcsError, one_line
+from gcs.json_line import json_line
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
 from gcs.replay.film import Film
@@ -34,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
     """The command."""
     folder = find_flight(args.flight, Path(RecorderConfig().folder))
     if args.json:
-        sys.stdout.write(msgspec.json.encode(report_of(folder)).decode() + "\n")
+        sys.stdout.write(json_line(report_of(folder)))
         return 0
     screen = Screen(sys.stderr)
     report, path = make(folder, None if args.html is None else Path(args.html), _patient(screen))

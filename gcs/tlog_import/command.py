@@ -15,6 +15,7 @@ import msgspec
 
 from gcs.config import Config, load
 from gcs.errors import one_line, printable
+from gcs.json_line import json_line
 from gcs.recorder.facts import machine, software, utc
 from gcs.recorder.flight_recorder import MESSAGES, TLOG
 from gcs.recorder.folder import FlightFolder, given_folder, refused
@@ -51,7 +52,7 @@ def main(args: argparse.Namespace) -> int:
     out = Path(args.out) if args.out else Path(load(None).recorder.folder) / f"import-{path.stem}"
     imported = import_flight(path, out, args.video, args.offset, args.system)
     if args.json:
-        sys.stdout.write(msgspec.json.encode(imported).decode() + "\n")
+        sys.stdout.write(json_line(imported))
         return 0
     for note in imported.notes:
         sys.stderr.write(f"{one_line(note)}\n")

@@ -7,10 +7,9 @@ import logging
 import sys
 from pathlib import Path
 
-import msgspec
-
 from gcs.config import Config
 from gcs.errors import EXIT_FAULT, printable
+from gcs.json_line import json_line
 from gcs.operator.terminal_screen import Screen
 from gcs.recorder.flights import find_flight
 from gcs.verify.tuning import WhatIf, compare_with
@@ -32,7 +31,7 @@ def main(args: argparse.Namespace) -> int:
     finally:
         screen.end()
     if args.json:
-        sys.stdout.write(msgspec.json.encode(outcome).decode() + "\n")
+        sys.stdout.write(json_line(outcome))
     else:
         for line in outcome.lines():
             screen.say(printable(line))
