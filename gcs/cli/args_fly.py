@@ -53,7 +53,7 @@ def _add_demo(commands: Commands) -> None:
         ),
     )  # fmt: skip
     p.add_argument("--seconds", type=float, metavar="N", help="length of the flight (default: 60)")
-    p.add_argument("--out", metavar="DIR", help="where video and report go (default: out/demo)")
+    p.add_argument("--out", metavar="DIR", help="folder of the flight, in place of an earlier demo (default: out/demo)")
     p.add_argument("--scenario", metavar="NAME", help="what the target does (see `gcs sim --list`)")
     p.add_argument("--seed", type=int, metavar="N", help="of the world")
     p.add_argument("--personality", choices=_PERSONALITIES, help="which autopilot the mock plays (default: px4)")

@@ -162,9 +162,10 @@ class Changed:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What it was flown with, from the manifest; empty where there is none."""
+    """What it was flown with, from the manifest; empty where there is none. simulated: no real vehicle flew."""
 
     kind: str = ""
+    simulated: bool = False
     vehicle: str = ""
     video: str = ""
     weights: str = ""

@@ -17,7 +17,7 @@ _CSS: Final = {
     "following": "s-following", "coasting": "s-coasting", "lost, holding": "s-lost", "released": "s-released",
     "taken over": "s-taken",
 }  # fmt: skip
-_KINDS: Final = {"run": "flight", "demo": "demonstration in the simulator", "import": "imported log"}
+_KINDS: Final = {"run": "flight", "demo": "demonstration", "import": "imported log"}
 _LOOK: Final = "Look at "
 _SAME_S: Final = 1e-6
 
@@ -27,7 +27,8 @@ def head(report: Report) -> Html:
     source = report.provenance
     autopilot = "" if report.autopilot is None or report.autopilot in source.vehicle else report.autopilot
     vehicle = ", ".join(filter(None, (autopilot, source.vehicle))) or "vehicle unknown"
-    said = " · ".join(filter(None, (_KINDS.get(source.kind, source.kind), report.began, vehicle)))
+    simulated = "simulated" if source.simulated else ""
+    said = " · ".join(filter(None, (_KINDS.get(source.kind, source.kind), simulated, report.began, vehicle)))
     return Html(f'<h1>{text(Path(report.folder).name)}</h1><p class="sub">{text(said)}</p>')
 
 

@@ -19,6 +19,7 @@ def provenance_of(manifest: Manifest) -> Provenance:
     video, weights = manifest.video, manifest.weights
     return Provenance(
         kind=manifest.kind,
+        simulated=manifest.kind == "demo" or dict(_leaves(manifest.config)).get("vehicle.simulated") is True,
         vehicle=redact(manifest.vehicle or ""),
         video="" if video is None else f"{redact(video.address)}, {video.width_px}x{video.height_px} px",
         weights="" if weights is None else weights.name,

@@ -127,7 +127,7 @@ def _problems(folder: Path, manifest: Manifest | None, log: FlightLog, tally: Ta
     if log.is_cut:
         found.append("the last message is cut off: the program did not end in order")
     if tally.ends_engaged:
-        found.append("the record ends in the middle of a follow: the program did not end in order")
+        found.append("the record ends in the middle of a follow: the video, or the program, ended there")
     if tally.left_out:
         found.append(f"{tally.left_out} more lines of the timeline are left out here")
     film = Film(folder)

@@ -21,6 +21,7 @@ from gcs.report.sampling import Curve, Place, Trail
 from gcs.report.tally_follow import FOLLOWED, UNSEEN, FollowTally
 from gcs.report.tally_link import LinkTally
 from gcs.report.tally_time import LatencyTally
+from tracker.box import Box
 
 T = TypeVar("T")
 _MOST: Final = 500  # of each kind of line
@@ -79,10 +80,7 @@ class Tally:
             case Ordered():
                 self._ordered(message, at_s)
             case Selected(number=number, box=box):
-                where = (
-                    "none" if box is None else f"{box.w_px:.0f}x{box.h_px:.0f} px at {box.cx_px:.0f},{box.cy_px:.0f}"
-                )
-                self._event(at_s, "tracker", f"is given box {number}: {where}")
+                self._event(at_s, "tracker", f"is given box {number}: {_where(box)}")
             case Said(text=text):
                 _keep(self.said, Words(at_s, "station", text))
             case Refusals(reasons=reasons):
@@ -135,7 +133,7 @@ class Tally:
     def _acts(self, tick: TickRow, at_s: float) -> None:
         inputs = tick.inputs
         acts = (
-            ("selects", inputs.select), ("confirms", inputs.confirm), ("aborts", inputs.abort),
+            ("selects", inputs.select), ("confirms", inputs.confirm), ("stops", inputs.abort),
             ("acknowledges", inputs.acknowledge),
         )  # fmt: skip
         for name, done in acts:
@@ -221,6 +219,11 @@ class Tally:
     def autopilot(self) -> str | None:
         """As its parameters say, or its heartbeat."""
         return self.link.audit.autopilot if self.link.audit is not None else self.heard.vehicle.autopilot
+
+
+def _where(box: Box | None) -> str:
+    """Its left upper corner, as orders and answers give it."""
+    return "none" if box is None else "{2:.0f}x{3:.0f} px at {0:.0f},{1:.0f}".format(*box.xywh)
 
 
 def _keep(lines: list[T], line: T) -> bool:

@@ -23,7 +23,8 @@ def text_of(report: Report) -> str:
 
 def _head(report: Report) -> Iterator[str]:
     vehicle = report.autopilot or "vehicle unknown: no audit was logged"
-    yield f"flight {report.folder}: {report.began}, {_time(report.lasted_s)}, {vehicle}"
+    simulated = ", simulated" if report.provenance.simulated else ""
+    yield f"flight {report.folder}: {report.began}, {_time(report.lasted_s)}, {vehicle}{simulated}"
     yield ""
 
 

@@ -20,7 +20,7 @@ from gcs.verify.again import Again, recorded_seen, without_picture
 from gcs.verify.compare import EXACT, Comparison, Tolerance
 from gcs.verify.eyes import DivergedError, EyesAgain
 
-# Another processor adds in another order. Of a thousand pictures no box has moved by more; see docs/replay.md.
+# Another processor adds in another order. Of a thousand pictures no box has moved by more; see docs/recording.md.
 ELSEWHERE: Final = Tolerance(absolute=0.05, relative=1e-3)
 
 Progress = Callable[[str], None]
@@ -95,6 +95,8 @@ class Recorded:
     def open(cls, folder: Path) -> Recorded:
         """Of one folder."""
         manifest = read_manifest(folder)
+        if manifest.kind == "import":
+            raise ManifestError(f"{folder}: another station's flight, so nothing here decided in it")
         if manifest.video is None:
             raise ManifestError(f"{folder}: no video was flown by, so there is nothing to fly again")
         size = manifest.video.width_px, manifest.video.height_px

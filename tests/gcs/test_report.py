@@ -13,12 +13,13 @@ from control.types import Reason
 from gcs.config import Config, VideoConfig
 from gcs.latency_budget import Budget
 from gcs.link_meters import LinkFigures, WireCounters
-from gcs.recorder.events import Ordered, Received, Refusals, Said
+from gcs.recorder.events import Ordered, Received, Refusals, Said, Selected
 from gcs.recorder.manifest import Manifest, plain, write_manifest
 from gcs.report.make import report_of
 from gcs.report.reading import Reading
 from gcs.report.sampling import Curve, Place, Rms, Spread, Stretches, Trail
 from tests.gcs.report_rig import START_S, frame, status_text, tick, ticks, vehicle_frames, write_log
+from tracker.box import Box
 
 
 @pytest.fixture
@@ -148,6 +149,7 @@ def test_what_was_ordered_refused_and_said_is_in_order_of_time(tmp_path: Path) -
         (START_S + 0.5, Ordered("takeoff 9", "at 8.8 m")),  # written down once it was done
         (START_S + 0.2, Ordered("follow", "not following: no target is selected", True)),
         (START_S + 0.6, Received(status_text("Takeoff detected"))),
+        (START_S + 0.7, Selected(1, Box.from_xywh(300.0, 200.0, 40.0, 30.0), None, 1)),
     ]
     found = report_of(write_log(tmp_path / "flight", entries))
     assert [(one.order, one.refused) for one in found.orders] == [("follow", True), ("takeoff 9", False)]
@@ -155,6 +157,8 @@ def test_what_was_ordered_refused_and_said_is_in_order_of_time(tmp_path: Path) -
     assert found.refusals[0].reasons == ("no target is selected",)
     told = [event.text for event in found.timeline if event.kind == "operator"]
     assert told == ["orders follow: refused, not following: no target is selected", "orders takeoff 9: at 8.8 m"]
+    tracker = [event.text for event in found.timeline if event.kind == "tracker"]
+    assert tracker == ["is given box 1: 40x30 px at 300,200"]  # its corner, as in orders and answers
 
 
 def test_of_a_log_from_elsewhere_the_vehicle_alone_is_told(tmp_path: Path) -> None:

@@ -134,10 +134,18 @@ def test_the_manifest_tells_software_weights_and_what_was_configured(flown: Path
     )  # fmt: skip
     write_manifest(flown, text)
     page = write_report(flown).read_text(encoding="utf-8")
+    assert "flight · simulated · " not in page
     for wanted in ("9.9.9", "a processor", "page.token", "(secret)", "video.url"):
         assert wanted in page
     for unwanted in ("a-secret-token", "password"):
         assert unwanted not in page
+
+
+def test_a_simulated_vehicle_is_said_to_be_one(flown: Path) -> None:
+    manifest = read_manifest(flown)
+    manifest.config["vehicle"]["simulated"] = True
+    write_manifest(flown, manifest)
+    assert "flight · simulated · " in write_report(flown).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("missing", [MANIFEST, "film.mjpeg", "film.jsonl"])

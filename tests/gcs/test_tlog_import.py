@@ -67,6 +67,17 @@ def test_report_replay_and_export_take_it(frames: list[tuple[float, bytes]], tmp
     assert cli.main(["export", str(folder)]) == 0
 
 
+@pytest.mark.parametrize("how", [["--verify"], ["--verify", "--from", "control"], ["--with", "mine.yaml"]])
+def test_it_is_not_flown_again(
+    frames: list[tuple[float, bytes]], tmp_path: Path, how: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    import_flight(write_tlog(tmp_path / "their.tlog", frames), tmp_path / "flight")
+    assert cli.main(["replay", str(tmp_path / "flight"), *how]) == EXIT_USAGE
+    assert (
+        capsys.readouterr().err == f"gcs: {tmp_path}/flight: another station's flight, so nothing here decided in it\n"
+    )
+
+
 def test_of_two_vehicles_one_is_chosen(frames: list[tuple[float, bytes]], tmp_path: Path) -> None:
     other = vehicle_frames(6.0, personality=Personality.ARDUPILOT, system_id=2)
     tlog = write_tlog(tmp_path / "both.tlog", [*frames, *other])
