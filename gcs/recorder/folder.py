@@ -14,7 +14,16 @@ from gcs.errors import GcsError
 from gcs.recorder.manifest import MANIFEST, read_manifest
 
 LOCK: Final = "in-progress.lock"
-_OURS: Final = (MANIFEST, f"{MANIFEST}.new", "messages.jsonl", "flight.*", "film.*", "film-*", "report.html")
+_OURS: Final = (
+    MANIFEST,
+    f"{MANIFEST}.new",
+    "messages.jsonl",
+    "flight.*",
+    "film.*",
+    "film-*",
+    "report.html",
+    "with-*.png",
+)
 _NAME: Final = re.compile(r"flight-\d{8}-\d{6}(-\d+)?")
 _MOST_A_SECOND: Final = 100
 _LOCK_TRIES: Final = 20
