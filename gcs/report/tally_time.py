@@ -14,6 +14,7 @@ PARTS: Final = tuple(part.name.removesuffix("_s") for part in fields(Budget))  #
 TOTAL: Final = "total"
 BIN_MS: Final = 2
 _ROUNDING_MS: Final = 1e-6
+_MOST_S: Final = 3600.0
 
 
 @dataclass(slots=True)
@@ -33,8 +34,10 @@ class LatencyTally:
     bins: defaultdict[int, Bin] = field(default_factory=lambda: defaultdict(Bin))
 
     def add(self, budget: Budget, at_s: float) -> None:
-        """One picture's."""
+        """One picture's; what cannot be is left out."""
         values_s = [getattr(budget, f"{name}_s") for name in PARTS]
+        if not all(abs(value_s) <= _MOST_S for value_s in values_s):
+            return
         for name, value_s in zip((*PARTS, TOTAL), (*values_s, budget.total_s), strict=True):
             self.spreads.setdefault(name, Spread()).add(value_s)
         self.total_ms.add(at_s, budget.total_s * 1000)
