@@ -141,9 +141,11 @@ class Flight:
                     task.cancel()
         finally:
             self._spawn = None
-            await asyncio.gather(leave(self), self._leave_gimbal())
+            await asyncio.gather(leave(self), *([] if self.gimbal is None else [self.gimbal.leave()]))
             # Its own thread: waiting for the frame under way must not hold up the loop.
             await asyncio.to_thread(self.vision.close)
+            if self.gimbal is not None:  # not before: the last pictures are seen with its attitude
+                self.gimbal.close()
 
     def stop(self) -> None:
         """End the flight in order: zero, hold, silence."""
@@ -194,11 +196,6 @@ class Flight:
         self._refusals.note(tick.t_s, self.journal, lambda: self.control.refusals(now_s, tick.inputs.vehicle))
         self._ticked.tell(tick)
         return tick
-
-    async def _leave_gimbal(self) -> None:
-        if self.gimbal is not None:
-            await self.gimbal.leave()
-            self.gimbal.close()
 
     # -- seeing -------------------------------------------------------------------------------------------
 
