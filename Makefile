@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
 
-.PHONY: help setup demo test test-browser pictures check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all clean
+.PHONY: help setup demo test test-browser pictures check bench coverage mutate gate-million fuzz lock wheel-test faults soak scenarios scenarios-all golden-update prove clean
 
 help:
 	@echo "make demo    fly a closed loop against the mocked vehicle; video, plot and table in $(OUT)"
@@ -21,6 +21,8 @@ help:
 	@echo "make soak    an hour of flight on a fake clock: does memory grow, is a tick late?"
 	@echo "make scenarios   closed-loop flights in simulated time, compared with the committed figures (a minute)"
 	@echo "make scenarios-all   all of them, and flights drawn by lot; table and pictures in out/scenarios"
+	@echo "make golden-update   accept what the golden flights of tests/replay come out as now"
+	@echo "make prove   20 demo flights, each recorded and flown again to the last bit (a quarter of an hour)"
 	@echo "make wheel-test   build the wheel, install it in an empty environment elsewhere, fly the demo there"
 
 setup: $(STAMP)
@@ -93,6 +95,12 @@ scenarios: $(STAMP)
 scenarios-all: $(STAMP)
 	$(BIN)/gcs scenarios --all --out out/scenarios $(ARGS)
 	$(BIN)/gcs scenarios --occlusions 100 --random 1000
+
+golden-update: $(STAMP)
+	$(BIN)/python -m tests.replay.golden update
+
+prove: $(STAMP)
+	$(BIN)/python -m tests.replay.prove
 
 clean:
 	rm -rf $(VENV) build dist out

@@ -115,8 +115,7 @@ class Flight:
         self.modes = ModeSwitch(link.modes, self.say)
         accepted = config.vehicle.accept_parameters
         self.auditor = Auditor(link.wire, link.telemetry, clock, accepted, self.say, self._audited, backend)
-        self._rate = FrameRate()
-        self._settled_s = clock.now_s() + _SETTLE_S
+        self._rate, self._settled_s = FrameRate(), clock.now_s() + _SETTLE_S
         self._announcer = Announcer(link.telemetry, self.say, clock.now_s())
         self._refusals = RefusalNotes()
 
@@ -144,8 +143,8 @@ class Flight:
             await asyncio.gather(leave(self), *([] if self.gimbal is None else [self.gimbal.leave()]))
             # Its own thread: waiting for the frame under way must not hold up the loop.
             await asyncio.to_thread(self.vision.close)
-            if self.gimbal is not None:  # not before: the last pictures are seen with its attitude
-                self.gimbal.close()
+            if self.gimbal is not None:
+                self.gimbal.close()  # not before: the last pictures are seen with its attitude
 
     def stop(self) -> None:
         """End the flight in order: zero, hold, silence."""
@@ -230,7 +229,7 @@ class Flight:
 
         async def ask() -> Box | None:
             box = self.predicted_at(t_capture_s, like)
-            self.journal.note(self.clock.now_s(), Expected(t_capture_s, like, box), None)
+            self.journal.note(self.clock.now_s(), Expected(t_capture_s, like, box))
             return box
 
         if self._loop is None or self._loop.is_closed():
