@@ -149,13 +149,31 @@ def _leaf(hint: Any, node: yaml.Node, path: Path, name: str, metadata: Any) -> A
         value = msgspec.convert(raw, hint, strict=True)
     except msgspec.ValidationError as error:
         raise _error(path, node, name, _readable(str(error), hint)) from error
+    wrong = _beyond(value, metadata)
+    if wrong:
+        raise _error(path, node, name, wrong)
+    return value
+
+
+def _beyond(value: Any, metadata: Any) -> str:
+    """What is wrong with a value of the right type, empty where nothing is."""
+    low, high = metadata.get("low"), metadata.get("high")
     for number in value if isinstance(value, tuple) else (value,):
         if isinstance(number, float) and not math.isfinite(number):
-            raise _error(path, node, name, "must be a finite number")
-        low, high = metadata.get("low"), metadata.get("high")
+            return "must be a finite number"
         if low is not None and isinstance(number, int | float) and not low <= number <= high:
-            raise _error(path, node, name, f"must be from {low:g} to {high:g}, not {number:g}")
-    return value
+            return f"must be from {low:g} to {high:g}, not {number:g}"
+    return ""
+
+
+def check_ranges(values: Any, prefix: str = "") -> None:
+    """ValueError where a configuration that was not read from a file has a value that no file may hold."""
+    for each in fields(values):
+        value = getattr(values, each.name)
+        if is_dataclass(value):
+            check_ranges(value, f"{prefix}{each.name}.")
+        elif wrong := _beyond(value, each.metadata):
+            raise ValueError(f"{prefix}{each.name}: {wrong}")
 
 
 def _plain(node: yaml.Node, path: Path, name: str) -> Any:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final
 import msgspec
 
 from gcs.config import Config
+from gcs.config_yaml import check_ranges
 from gcs.errors import GcsError, one_line
 from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
@@ -71,7 +72,9 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     def configuration(self) -> Config:
         """As it was flown with. ManifestError where this version no longer takes it."""
         try:
-            return msgspec.convert(self.config, Config)
+            config = msgspec.convert(self.config, Config)
+            check_ranges(config)
+            return config
         except (msgspec.ValidationError, ValueError) as error:
             raise ManifestError(one_line(f"{MANIFEST}: its configuration is not of this version: {error}")) from error
 

@@ -185,6 +185,7 @@ class FlightLog:
             for line in file:
                 try:
                     head = decode(line)
+                    line.decode()  # what is passed over is not looked at
                 except _UNREADABLE:
                     if line.endswith(b"\n"):
                         self._broken, written = self._broken + 1, written + 1
