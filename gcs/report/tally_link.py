@@ -12,6 +12,7 @@ from gcs.report.figures import Audited, Link, Parameter
 from gcs.report.sampling import Curve
 
 _GAP_S: Final = 3.0  # the figures come once a second
+_BEGINS_S: Final = 2.0  # what came while the station was starting was lost here, not on the link
 
 
 @dataclass(slots=True)
@@ -26,6 +27,7 @@ class LinkTally:
     link: Link | None = None
     audit: Audited | None = None
     _most_loss_frac: float = 0.0
+    _from_s: float | None = None
     _before: tuple[float, int] | None = None  # time, setpoints sent until then
 
     def figures(self, figures: LinkFigures, at_s: float) -> None:
@@ -37,7 +39,9 @@ class LinkTally:
         if self._before is not None and at_s > self._before[0]:
             self.setpoints_hz.add(at_s, (totals.setpoints_sent - self._before[1]) / (at_s - self._before[0]))
         self._before = (at_s, totals.setpoints_sent)
-        self._most_loss_frac = max(self._most_loss_frac, figures.loss_frac)
+        self._from_s = at_s + _BEGINS_S if self._from_s is None else self._from_s
+        if at_s >= self._from_s:
+            self._most_loss_frac = max(self._most_loss_frac, figures.loss_frac)
         over_s = max(at_s, 1.0)
         self.link = Link(
             received_kbps=totals.bytes_received / over_s / 1000,

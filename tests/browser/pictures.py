@@ -1,8 +1,8 @@
 """`python -m tests.browser.pictures [FOLDER]`: the pictures of the guides, of a flight that is flown for them.
 
 `gcs sim` and `gcs run --profile sim` are flown by the page in Chromium, with the tracker that ships; the terminal's is
-what tmux shows of the same flight. Then `gcs dry-run --sample --page`. Needs Chromium and tmux, and a machine that does
-nothing else.
+what tmux shows of the same flight. Then `gcs dry-run --sample --page`, and `gcs replay` and `gcs report` of a demo.
+Needs Chromium and tmux, and a machine that does nothing else.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ PHONE = {"width": 390, "height": 844}
 MOST_BYTES = 120_000
 COLUMNS, ROWS = 80, 24
 STARTED_S, STEADY_S = 60.0, 1.0
+DEMO_S = 30
 THEME = TerminalTheme(
     (12, 12, 12), (217, 217, 217),
     [(12, 12, 12), (197, 15, 31), (16, 124, 16), (193, 156, 0),
@@ -216,16 +217,15 @@ async def _flown(browser: Any, folder: Path, terminals: Terminals) -> None:
 
 
 @contextlib.asynccontextmanager
-async def rehearsed(folder: Path) -> AsyncIterator[str]:
-    """A dry run of a recording that ships; its page."""
+async def paged(*command: str) -> AsyncIterator[str]:
+    """A command of gcs that shows a page, and where."""
     process = await asyncio.create_subprocess_exec(
-        *GCS, "dry-run", "--sample", "--page", "--port", "0", "--out", str(folder / "dry-run"),
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
-    )  # fmt: skip
+        *GCS, *command, "--port", "0", stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT
+    )
     try:
         assert process.stdout is not None
         while (found := _URL.search((await process.stdout.readline()).decode())) is None:
-            assert not process.stdout.at_eof(), "the dry run has ended"
+            assert not process.stdout.at_eof(), f"{command[0]} has ended"
         yield found[0]
     finally:
         with contextlib.suppress(ProcessLookupError):
@@ -236,7 +236,7 @@ async def rehearsed(folder: Path) -> AsyncIterator[str]:
 async def dry_run(browser: Any, folder: Path) -> None:
     """A recording that plays; its first box comes with it."""
     with tempfile.TemporaryDirectory() as name:
-        async with rehearsed(Path(name)) as url:
+        async with paged("dry-run", "--sample", "--page", "--out", name) as url:
             page = await opened(browser, url, LAPTOP)
             await hold_follow(page)
             await asyncio.sleep(3.0)
@@ -245,12 +245,35 @@ async def dry_run(browser: Any, folder: Path) -> None:
             await page.context.close()
 
 
+async def looked_back(browser: Any, folder: Path) -> None:
+    """A demo in which the target hides for a while: played again at that moment, and its report."""
+    with tempfile.TemporaryDirectory() as name:
+        options = "--scenario", "occlusion", "--seconds", str(DEMO_S), "--no-page", "--out", f"{name}/demo"
+        subprocess.run((*GCS, "demo", *options), check=True, stdout=subprocess.DEVNULL)
+        async with paged("replay", f"{name}/demo") as url:
+            page = await opened(browser, url, LAPTOP)
+            await page.keyboard.press("Space")
+            async with asyncio.timeout(STARTED_S):
+                while not str(await page.locator("#state").text_content()).startswith("LOST"):
+                    await page.keyboard.press("n")
+                    await asyncio.sleep(STEADY_S)
+            await asyncio.sleep(STEADY_S)
+            await keep(page, folder / "replay.jpg")
+            await page.context.close()
+        subprocess.run((*GCS, "report", f"{name}/demo"), check=True, stdout=subprocess.DEVNULL)
+        page = await (await browser.new_context(viewport=LAPTOP)).new_page()
+        await page.goto((Path(name) / "demo" / "report.html").as_uri())
+        await keep(page, folder / "report.jpg")
+        await page.context.close()
+
+
 async def make(folder: Path) -> None:
     """All of them."""
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=chromium(), args=list(ARGS))
         await dry_run(browser, folder)
         await flight(browser, folder)
+        await looked_back(browser, folder)
         await browser.close()
 
 

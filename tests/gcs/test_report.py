@@ -127,15 +127,15 @@ def test_the_latency_is_told_by_part_and_percentile(tmp_path: Path) -> None:
 
 
 def test_the_link_is_told_with_its_worst_and_its_rates(tmp_path: Path) -> None:
-    entries = ticks(0.0, 3.0, State.IDLE)
-    for n, loss_frac in enumerate((0.0, 0.25, 0.0)):
+    entries = ticks(0.0, 5.0, State.IDLE)
+    for n, loss_frac in enumerate((0.0, 0.5, 0.0, 0.25, 0.0)):  # half at first: the station was starting
         totals = WireCounters(setpoints_sent=20 * n, bytes_received=10_000 * n, bytes_sent=1000 * n, stale=n)
         figures = LinkFigures(100.0, 10_000.0, 20.0, 1000.0, loss_frac, 100 * n, 0, 0, totals)
         entries.append((START_S + n, figures))
     reading = Reading(write_log(tmp_path / "flight", sorted(entries, key=lambda entry: entry[0])))
     link = reading.report.link
     assert link is not None
-    assert (link.most_loss_frac, link.setpoints_sent, link.dropped_late) == (0.25, 40, 2)
+    assert (link.most_loss_frac, link.setpoints_sent, link.dropped_late) == (0.25, 80, 4)
     assert link.received_kbps == pytest.approx(10.0)
     assert reading.tally.link.setpoints_hz.highest == pytest.approx(20.0)
     assert any("25% of the vehicle's messages were lost for a while" in said for said in reading.report.verdict)
