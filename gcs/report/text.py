@@ -17,8 +17,12 @@ _NAMES: Final = {"track": "tracker"}
 def text_of(report: Report) -> str:
     """All of it, line by line."""
     return "\n".join(
-        printable(line[:_WIDTH]) for part in (_head, _following, _latency, _rest, _timeline) for line in part(report)
+        printable(_cut(line)) for part in (_head, _following, _latency, _rest, _timeline) for line in part(report)
     )
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= _WIDTH else f"{line[: _WIDTH - 3]}..."
 
 
 def _head(report: Report) -> Iterator[str]:

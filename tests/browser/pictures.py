@@ -33,7 +33,7 @@ GCS = (sys.executable, "-m", "gcs.cli")
 PHONE = {"width": 390, "height": 844}
 MOST_BYTES = 120_000
 COLUMNS, ROWS = 80, 24
-STARTED_S, STEADY_S = 60.0, 1.0
+STARTED_S, STEADY_S, STEPPED_S = 60.0, 1.0, 0.4
 DEMO_S = 30
 THEME = TerminalTheme(
     (12, 12, 12), (217, 217, 217),
@@ -245,6 +245,14 @@ async def dry_run(browser: Any, folder: Path) -> None:
             await page.context.close()
 
 
+async def is_hidden(page: Any, pictures: int = 0) -> bool:
+    """Whether a replay's target is not seen, after so many pictures more."""
+    for _ in range(pictures):
+        await page.keyboard.press(".")
+        await asyncio.sleep(STEPPED_S)
+    return str(await page.locator("#state").text_content()).startswith(("COASTING", "LOST"))
+
+
 async def looked_back(browser: Any, folder: Path) -> None:
     """A demo in which the target hides for a while: played again at that moment, and its report."""
     with tempfile.TemporaryDirectory() as name:
@@ -254,10 +262,9 @@ async def looked_back(browser: Any, folder: Path) -> None:
             page = await opened(browser, url, LAPTOP)
             await page.keyboard.press("Space")
             async with asyncio.timeout(STARTED_S):
-                while not str(await page.locator("#state").text_content()).startswith("LOST"):
+                while not (await is_hidden(page) and await is_hidden(page, pictures=6)):
                     await page.keyboard.press("n")
-                    await asyncio.sleep(STEADY_S)
-            await asyncio.sleep(STEADY_S)
+                    await asyncio.sleep(STEPPED_S)
             await keep(page, folder / "replay.jpg")
             await page.context.close()
         subprocess.run((*GCS, "report", f"{name}/demo"), check=True, stdout=subprocess.DEVNULL)
