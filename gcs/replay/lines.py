@@ -19,6 +19,7 @@ from gcs.replay.timeline import tells_state, words_of
 
 _LINE_S: Final = 5.0  # of the flight, between lines where nothing changes
 _LONGEST_WAIT_S: Final = 1e6  # a sleep of many years is none
+_REASONS: Final = 3  # in a line; the page and JSON have all
 _STATUS_S: Final = 1.0  # the same of JSON lines
 
 Say = Callable[[str], None]
@@ -47,7 +48,8 @@ def _told(moment: Moment) -> str | None:
         case Ordered() | Said() as message if not tells_state(message):
             return f"> {words_of(message)}"
         case Refusals(reasons) if reasons:
-            return f"cannot follow: {'; '.join(reasons)}"
+            more = f"; {len(reasons) - _REASONS} more" if len(reasons) > _REASONS else ""
+            return f"cannot follow: {'; '.join(reasons[:_REASONS])}{more}"
         case Refusals():
             return "can follow"
         case _:
