@@ -6,6 +6,7 @@ from collections import deque
 from typing import Final
 
 _FRAMES: Final = 20
+_LEAST_S: Final = 0.2  # two that come together after a pause tell no rate
 
 
 class FrameRate:
@@ -20,6 +21,6 @@ class FrameRate:
 
     @property
     def fps(self) -> float:
-        """0 before the second."""
+        """0 until it can be told."""
         span_s = self._times_s[-1] - self._times_s[0] if self._times_s else 0.0
-        return (len(self._times_s) - 1) / span_s if span_s > 0 else 0.0
+        return (len(self._times_s) - 1) / span_s if span_s >= _LEAST_S else 0.0

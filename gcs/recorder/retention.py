@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import shutil
 import threading
 from collections.abc import Callable
@@ -16,8 +15,6 @@ from gcs.recorder.manifest import MANIFEST, ManifestError, read_manifest
 
 _LOOK_S: Final = 60.0
 GB: Final = 1e9
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -108,5 +105,4 @@ class Retention:
             text = f"{oldest.path} was removed, {oldest.size_bytes / GB:.2f} GB: recorder.keep_gb is reached"
         except OSError as error:
             text = f"{oldest.path} cannot be removed: {(error.strerror or str(error)).lower()}"
-        log.warning("%s", text)
         self._say(f"record: {text}")
