@@ -23,6 +23,7 @@ from gcs.mcap_export.video import FilmTopics
 from gcs.mcap_export.writer import ExportError, TopicWriter
 from gcs.recorder.film_reader import FilmReader
 from gcs.recorder.flights import find_flight
+from gcs.recorder.folder import in_progress_note
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.replay.log import FlightLog
 from gcs.result_file import result_file
@@ -70,7 +71,7 @@ def export_flight(folder: Path, path: Path) -> Exported:
 
 
 def _write(folder: Path, log: FlightLog, file: IO[bytes]) -> tuple[dict[str, int], list[str]]:
-    notes: list[str] = []
+    notes = in_progress_note(folder)
     manifest = _manifest(folder, notes)
     config = _config(manifest, notes)
     film = FilmReader(folder)

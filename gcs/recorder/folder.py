@@ -89,6 +89,11 @@ def is_in_progress(path: Path) -> bool:
     return False
 
 
+def in_progress_note(path: Path) -> list[str]:
+    """For whoever reads a flight that is being written: nothing more where it is not."""
+    return ["the flight is still being recorded: it is read as far as it stands"] if is_in_progress(path) else []
+
+
 def has_own_name(path: Path) -> bool:
     """Whether it is called as `new_folder` calls them; what a person named is the person's."""
     return _NAME.fullmatch(path.name) is not None

@@ -15,6 +15,7 @@ from gcs.config import Config
 from gcs.errors import GcsError
 from gcs.link_meters import LinkFigures
 from gcs.recorder.events import Ordered, Received, Refusals, Said
+from gcs.recorder.folder import in_progress_note
 from gcs.recorder.manifest import MANIFEST, Manifest, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, FrameRow, Message, ReplayError, TickRow
@@ -75,7 +76,8 @@ def open_recorded(folder: Path) -> Recorded:
         raise ReplayError(f"{folder}: no such folder")
     log = FlightLog(folder)
     film = Film(folder, log)
-    manifest, config, problems = None, Config(), [film.problem] if film.problem is not None else []
+    manifest, config, problems = None, Config(), in_progress_note(folder)
+    problems += [film.problem] if film.problem is not None else []
     if (folder / MANIFEST).exists():
         try:
             manifest = read_manifest(folder)

@@ -10,6 +10,7 @@ from typing import Final, TypeVar
 
 from gcs.config import Config
 from gcs.recorder.flight_recorder import MESSAGES, TLOG
+from gcs.recorder.folder import in_progress_note
 from gcs.recorder.manifest import MANIFEST, Manifest, ManifestError, read_manifest
 from gcs.regular_file import open_regular
 from gcs.replay.film import Film
@@ -116,17 +117,19 @@ def _began(folder: Path, span_s: float, manifest: Manifest | None, start_s: floa
 
 def _problems(folder: Path, manifest: Manifest | None, log: FlightLog, tally: Tally) -> list[str]:
     found = [f"{text} ({count} frames)" for text, count in tally.problems.most_common()]
+    still = in_progress_note(folder)
+    found += still
     if manifest is not None:
         found += manifest.problems
-        if manifest.ended is None:
-            found.append("the flight was not ended in order, or is still under way")
+        if manifest.ended is None and not still:
+            found.append("the flight was not ended in order")
     if log.dropped:
         found.append(f"{log.dropped} messages were not written: the disk or the processor was too slow")
     if log.damaged:
         found.append(f"{log.damaged} messages cannot be read")
-    if log.is_cut:
+    if log.is_cut and not still:
         found.append("the last message is cut off: the program did not end in order")
-    if tally.ends_engaged:
+    if tally.ends_engaged and not still:
         found.append("the record ends in the middle of a follow: the video, or the program, ended there")
     if tally.left_out:
         found.append(f"{tally.left_out} more lines of the timeline are left out here")

@@ -12,6 +12,7 @@ from gcs.config import Config
 from gcs.flight_vision import Seen
 from gcs.recorder.events import Selected
 from gcs.recorder.facts import NUMBER_VARIABLES, machine, software
+from gcs.recorder.folder import in_progress_note
 from gcs.recorder.manifest import Manifest, ManifestError, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, FrameRow, ReplayError
@@ -114,7 +115,7 @@ class Recorded:
 
     def problems(self) -> tuple[str, ...]:
         """Of the record."""
-        found = []
+        found = in_progress_note(self.folder)
         if self.log.dropped:
             found.append(f"{self.log.dropped} events were not recorded: what follows them may differ")
         if self.log.damaged:
