@@ -137,6 +137,8 @@ class Player:
 
     def _jump(self, after: int) -> None:
         """So many of the places have been then; the first picture at least, before which there is nothing to see."""
+        if not self._places:  # a flight broken off before its video
+            return
         first_picture = bisect_right(self._places, self._frames[0]) if self._frames else 1
         self._next = min(max(after, first_picture), len(self._places))
         here = self._places[self._next - 1]
