@@ -1,6 +1,7 @@
 """The whole fuzz campaign: progress on standard error, then a table; exit status 1 if anything is wrong with it.
 
-python -m tests.fuzz [--packets N] [--videos N] [--configs N] [--weights N] [--requests N] [--seed N] [--jobs N]
+python -m tests.fuzz [--packets N] [--videos N] [--configs N] [--weights N] [--flights N] [--requests N] [--seed N]
+                     [--jobs N]
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ def main() -> int:
     parser.add_argument("--videos", type=int, default=10_000, help="damaged video files, folders and streams")
     parser.add_argument("--configs", type=int, default=5_000, help="configurations")
     parser.add_argument("--weights", type=int, default=1_000, help="damaged weights files and manifests")
+    parser.add_argument("--flights", type=int, default=2_000, help="damaged flight folders, each read in two ways")
     parser.add_argument("--requests", type=int, default=5_000, help="damaged requests, to each of what listens")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2, help="processes that open damaged files")
@@ -36,9 +38,10 @@ def main() -> int:
         for number, personality in enumerate(Personality if options.packets else ()):
             count = options.packets // len(Personality)
             rows.append(fuzz_link(count, seed + number, personality, Path(name), quiet=False))
-        for what, kind, count in (("videos", "videos", options.videos), ("weights files", "weights", options.weights)):
+        files = ("videos", options.videos), ("weights", options.weights), ("flights", options.flights)
+        for kind, count in files:
             if count:
-                rows.append(supervise(what, kind, count, seed, jobs=options.jobs, quiet=False))
+                rows.append(supervise(kind, kind, count, seed, jobs=options.jobs, quiet=False))
         if options.configs:
             rows.append(fuzz_configs(options.configs, seed, Path(name), quiet=False))
     rows += fuzz_listeners(options.requests, seed, quiet=False) if options.requests else []

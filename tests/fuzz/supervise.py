@@ -69,7 +69,7 @@ async def _work(share: _Share, kind: str, seed: int, row: Row, progress: Progres
         if not problem and status == 0:
             return
         row.problem(f"{kind} {seed} {share.at}: {problem or f'the process ended with status {status}'}")
-        first = share.at + 1
+        first = max(share.at, first) + 1  # one that dies at once is not started for ever
 
 
 async def _listen(

@@ -41,6 +41,11 @@ def test_damaged_weights_are_refused() -> None:
 
 
 @LINUX
+def test_damaged_flights_are_read_or_refused() -> None:
+    assert clean(supervise("flights", "flights", 60, 7, jobs=1)).count == 60
+
+
+@LINUX
 def test_configurations_are_good_or_refused_in_one_line(tmp_path: Path) -> None:
     assert clean(fuzz_configs(150, 7, tmp_path)).count >= 150
 

@@ -48,7 +48,13 @@ def _weights(folder: Path) -> Cases:
     return WeightsCases(folder)
 
 
-KINDS: Final[dict[str, Callable[[Path], Cases]]] = {"videos": _videos, "weights": _weights}
+def _flights(folder: Path) -> Cases:
+    from tests.fuzz.flight_cases import FlightCases
+
+    return FlightCases(folder)
+
+
+KINDS: Final[dict[str, Callable[[Path], Cases]]] = {"videos": _videos, "weights": _weights, "flights": _flights}
 
 
 def main(kind: str, seed: int, first: int, end: int) -> int:
