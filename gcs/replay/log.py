@@ -25,7 +25,7 @@ from gcs.recorder.events import Begun, Expected, Ordered, Received, Refusals, Sa
 from gcs.recorder.flight_recorder import MESSAGES
 from gcs.recorder.seconds import Seconds
 from gcs.regular_file import open_regular
-from gcs.replay.order import in_order
+from gcs.replay.order import NEARLY_S, in_order
 from gcs.tick import Tick, Wanted
 from gcs.vision_tape import Told
 from tracker.box import Box, TrackResult
@@ -159,12 +159,12 @@ class FlightLog:
     """Of one flight folder, or of a flight broken off at any moment. Raises ReplayError where there is none.
 
     dropped: messages that the station could not write in time. is_cut: in the middle of its last line, as a program
-    leaves it that was ended by force.
+    leaves it that was ended by force. astray: lines whose time cannot be; they count as the one before.
     """
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / MESSAGES
-        self.dropped = self._broken = self._unread = 0
+        self.dropped = self.astray = self._broken = self._unread = 0
         self.is_cut = False
         self._times_s, self._offsets, self._codes = array("d"), array("q"), bytearray()
         self._decoder = msgspec.json.Decoder(_Line)
@@ -199,7 +199,8 @@ class FlightLog:
                         self._offsets.append(offset)
                         self._codes.append(_CODES[_KINDS[head.type]])
                 offset += len(line)
-        self._times_s = in_order(self._times_s)
+        written_s, self._times_s = self._times_s, in_order(self._times_s)
+        self.astray = sum(abs(t_s - at_s) > NEARLY_S for t_s, at_s in zip(written_s, self._times_s, strict=True))
 
     def __len__(self) -> int:
         return len(self._times_s)
@@ -239,8 +240,12 @@ class FlightLog:
             for place in places:
                 file.seek(self._offsets[place])
                 found = self._decoded(file.readline())
-                if found is not None:
-                    yield found
+                if found is None:
+                    continue
+                (t_s, frame, message), data = found
+                if abs(t_s - self._times_s[place]) > NEARLY_S:
+                    t_s = self._times_s[place]
+                yield (t_s, frame, message), data
 
     def places(self, *kinds: type[Message], begin: int = 0, end: int | None = None) -> list[int]:
         """Where messages of these kinds are, from begin to before end."""

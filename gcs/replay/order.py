@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from typing import Final
 
-_NEARLY_S: Final = 60.0  # an order is written with the time at which it was given
+NEARLY_S: Final = 60.0  # an order is written with the time at which it was given
 
 
 def in_order(times_s: array[float]) -> array[float]:
@@ -16,7 +16,7 @@ def in_order(times_s: array[float]) -> array[float]:
 
     A time that is far off from those around it was damaged: it counts as the one before it.
     """
-    if all(later - earlier > -_NEARLY_S for earlier, later in pairwise(times_s)):
+    if all(later - earlier > -NEARLY_S for earlier, later in pairwise(times_s)):
         return array("d", accumulate(times_s, max))
     believed = _longest_rise(times_s)
     ordered, latest_s = array("d"), times_s[min(believed)]

@@ -127,6 +127,8 @@ def _problems(folder: Path, manifest: Manifest | None, log: FlightLog, tally: Ta
         found.append(f"{log.dropped} messages were not written: the disk or the processor was too slow")
     if log.damaged:
         found.append(f"{log.damaged} messages cannot be read")
+    if log.astray:
+        found.append(f"{log.astray} messages have a time that cannot be: they are told at that of the one before")
     if log.is_cut and not still:
         found.append("the last message is cut off: the program did not end in order")
     if tally.ends_engaged and not still:

@@ -120,6 +120,8 @@ class Recorded:
             found.append(f"{self.log.dropped} events were not recorded: what follows them may differ")
         if self.log.damaged:
             found.append(f"{self.log.damaged} lines of the log cannot be read")
+        if self.log.astray:
+            found.append(f"{self.log.astray} lines of the log have a time that cannot be: what follows them may differ")
         return tuple(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib
 import io
 import json
@@ -81,10 +82,17 @@ class FlightCases:
                     break
         finally:
             shutil.rmtree(self._root)
+            _trim()
         return Case(kind, worked, said, problem)
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def _trim() -> None:
+    """What the threads of encoders have let go of goes back at once, so that growth is growth."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _trap(flight: Path, outside: Path, rng: random.Random) -> None:
@@ -148,6 +156,16 @@ def _command(*args: str) -> None:
     parsed = build_parser().parse_args(args)
     module, _, function = parsed.handler.partition(":")
     getattr(importlib.import_module(module), function)(parsed)
+
+
+def _just(*args: str) -> Reader:
+    """A command; FLIGHT, HERE (the folder it is in) and OUT stand for them."""
+
+    def read(flight: Path, out: Path, rng: random.Random) -> None:
+        places = {"FLIGHT": str(flight), "HERE": str(flight.parent), "OUT/f.mp4": str(out / "f.mp4")}
+        _command(*(places.get(arg, arg) for arg in args))
+
+    return read
 
 
 def _lines(flight: Path, out: Path, rng: random.Random) -> None:
@@ -225,18 +243,6 @@ def _tell(station: ReplayStation) -> None:
         assert newest.image_bgr.ndim == 3
 
 
-def _film(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("replay", str(flight), "--film", str(out / "f.mp4"))
-
-
-def _verify_control(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("replay", str(flight), "--verify", "--from", "control", "--json")
-
-
-def _verify_tracker(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("replay", str(flight), "--verify")
-
-
 def _with(flight: Path, out: Path, rng: random.Random) -> None:
     (out / "tuning.yaml").write_text(_TUNING)
     _command("replay", str(flight), "--with", str(out / "tuning.yaml"), "--from", "control")
@@ -248,10 +254,6 @@ def _report(flight: Path, out: Path, rng: random.Random) -> None:
     for bad in ("<script", "<img src=x", "onerror='"):
         if bad in text.lower():
             raise RuntimeError(f"the page holds {bad}")
-
-
-def _report_json(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("report", str(flight), "--json")
 
 
 def _export(flight: Path, out: Path, rng: random.Random) -> None:
@@ -273,14 +275,6 @@ def _import(flight: Path, out: Path, rng: random.Random) -> None:
     _command("import", str(flight / TLOG), "--out", str(out / "imported"), *video)
 
 
-def _flights(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("flights", "--folder", str(flight.parent))
-
-
-def _flights_json(flight: Path, out: Path, rng: random.Random) -> None:
-    _command("flights", "--json", "--folder", str(flight.parent))
-
-
 def _retention(flight: Path, out: Path, rng: random.Random) -> None:
     for kept in removable(flight.parent):
         assert kept.path == flight
@@ -288,10 +282,13 @@ def _retention(flight: Path, out: Path, rng: random.Random) -> None:
 
 
 _READERS: Final[dict[str, Reader]] = {
-    "replay --no-page": _lines, "replay --json": _json_lines, "replay, page": _page, "--film": _film,
-    "--verify --from control --json": _verify_control, "--with": _with, "report": _report,
-    "report --json": _report_json, "export": _export, "over itself": _over_itself, "import": _import,
-    "flights": _flights, "flights --json": _flights_json, "retention": _retention, "--verify": _verify_tracker,
+    "replay --no-page": _lines, "replay --json": _json_lines, "replay, page": _page,
+    "--film": _just("replay", "FLIGHT", "--film", "OUT/f.mp4"), "--with": _with,
+    "--verify --from control --json": _just("replay", "FLIGHT", "--verify", "--from", "control", "--json"),
+    "report": _report, "report --json": _just("report", "FLIGHT", "--json"), "export": _export,
+    "over itself": _over_itself, "import": _import, "flights": _just("flights", "--folder", "HERE"),
+    "flights --json": _just("flights", "--json", "--folder", "HERE"), "retention": _retention,
+    "--verify": _just("replay", "FLIGHT", "--verify"),
 }  # fmt: skip
 _NAMES: Final = tuple(_READERS)
 _QUICK: Final = _NAMES[:-1]  # PyTorch takes a second

@@ -20,6 +20,7 @@ from tests.replay import golden
 NAME: Final = "flight-20260101-000000"  # as recorder.folder names them, so that retention takes it
 LOG, MANIFEST, INDEX, TLOG = "messages.jsonl", "manifest.json", "film.jsonl", "flight.tlog"
 FILMS: Final = ("film.mjpeg", "film.h264")
+_DEEP: Final = 50
 _LINES: Final = 400  # of a log: enough to reach every branch, quick enough for thousands of cases
 HOSTILE: Final = (
     "\x1b]0;owned\x07\x1b[2J\x1b[31m", "\x9b31m\x85\u2028\u202eabc", "<script>alert(1)</script>", "a\r\nb\tc\x00d",
@@ -36,6 +37,8 @@ _RAW: Final = (
     b'{"x":' * 100_000, b'"' + b"y" * 1_000_000, b'{"n":0,"t_s":0.0,"type":"Said","frame":null,"data":' + b"[" * 99_999,
     b'{"n":9,"t_s":1e999,"type":"Said","data":{"text":"x"}}', b'{"n":99,"t_s":1e9,"type":"Said","data":{"text":"x"}}',
 )  # fmt: skip
+
+Damage = Callable[[Path, random.Random], None]
 
 
 class Seeds:
@@ -87,15 +90,8 @@ def _one(folder: Path, rng: random.Random) -> str:
     if not path.is_file():
         return "nothing"
     do, kinds = rng.random(), _OF.get(name, ())
-    if kinds and do < 0.75:
-        kind: Callable[[Path, random.Random], None] = rng.choice(kinds)
-        kind(path, rng)
-    elif do < 0.9:
-        kind = _bytes
-        kind(path, rng)
-    else:
-        kind = _entry
-        kind(path, rng)
+    kind: Damage = rng.choice(kinds) if kinds and do < 0.75 else _bytes if do < 0.9 else _entry
+    kind(path, rng)
     return f"{name}, {kind.__name__.strip('_')}"
 
 
@@ -243,7 +239,7 @@ def _document_raw(path: Path, rng: random.Random) -> None:
     path.write_bytes(rng.choice((*_RAW, b'{"config":' * 50_000, b'{"config":{"a":' + b"[" * 900 + b"]" * 900 + b"}}")))
 
 
-_OF: Final[dict[str, tuple[Callable[[Path, random.Random], None], ...]]] = {
+_OF: Final[dict[str, tuple[Damage, ...]]] = {
     LOG: (_lines, _values, _values, _everywhere, _everywhere, _times, _strings),
     INDEX: (_lines, _values, _values, _everywhere, _times, _strings),
     MANIFEST: (_document, _document, _document_strings, _document_raw),
@@ -265,7 +261,7 @@ def _parsed(line: bytes) -> Any:
 def _places(value: Any, here: Place = ()) -> list[Place]:
     """Of every leaf."""
     keyed = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
-    if keyed is None:
+    if keyed is None or len(here) > _DEEP:
         return [here] if here else []
     return [place for key, each in keyed for place in _places(each, (*here, key))]
 

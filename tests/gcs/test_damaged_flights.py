@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from array import array
 from pathlib import Path
@@ -158,3 +159,18 @@ def test_stamps_that_are_no_time_do_not_stop_an_import(tmp_path: Path, capsys: p
     assert (
         main(["import", str(log), "--out", str(tmp_path / "b"), "--video", "x.mp4", "--offset", "1e300"]) == EXIT_USAGE
     )
+
+
+def test_a_time_that_cannot_be_is_told_and_leaves_the_rest_the_same(
+    flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (flight / "messages.jsonl").read_bytes().splitlines()
+    at = next(at for at in range(800, len(lines)) if b'"type":"Received"' in lines[at])
+    lines[at] = re.sub(rb'"t_s":[0-9.]+', b'"t_s":9e8', lines[at], count=1)
+    (flight / "messages.jsonl").write_bytes(b"\n".join(lines))
+    assert main(["report", str(flight), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["lasted_s"] < 60.0
+    assert any("a time that cannot be" in problem for problem in told["problems"])
+    main(["replay", str(flight), "--verify", "--from", "control"])
+    assert "1 lines of the log have a time that cannot be" in capsys.readouterr().out
