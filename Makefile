@@ -16,7 +16,7 @@ help:
 	@echo "make bench   measure speed and memory, side by side in one run"
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
 	@echo "make gate-million   a million random calls of the gate and 20,000 of hypothesis'"
-	@echo "make fuzz    a million damaged packets, ten thousand videos, configurations, weights, requests (6 to 15 minutes)"
+	@echo "make fuzz    a million damaged packets, ten thousand videos, flights, configurations, weights, requests (10 to 20 minutes)"
 	@echo "make faults  break everything that can break in flight; table in out/faults (about half an hour)"
 	@echo "make soak    an hour of flight on a fake clock: does memory grow, is a tick late?"
 	@echo "make scenarios   closed-loop flights in simulated time, compared with the committed figures (a minute)"
