@@ -21,7 +21,9 @@ def main(args: argparse.Namespace) -> int:
     screen = Screen(sys.stderr if args.json else sys.stdout)
     folder = find_flight(args.flight, Path(Config().recorder.folder))
     start = None if args.from_stage is None else Start(args.from_stage)
-    logging.getLogger("gcs").setLevel(logging.ERROR)  # warnings of then are no news now
+    logger = logging.getLogger("gcs")
+    level = logger.level
+    logger.setLevel(logging.ERROR)  # warnings of then are no news now
     try:
         outcome: Verdict | WhatIf
         if args.with_config is not None:
@@ -29,6 +31,7 @@ def main(args: argparse.Namespace) -> int:
         else:
             outcome = verify(folder, start or Start.TRACKER, screen.live)
     finally:
+        logger.setLevel(level)
         screen.end()
     if args.json:
         sys.stdout.write(json_line(outcome))

@@ -152,6 +152,8 @@ class LiveSource:
 
     def _publish(self, decoded: Decoded) -> None:
         arrival_s = self._clock() - decoded.decode_s
+        if self._last is not None:  # two of one packet: readings of the clock in between must not turn them round
+            arrival_s = max(arrival_s, self._last.t_arrival_s)
         packet = decoded.packet
         if packet is None and self._tap is not None:
             packet = self._tap.picture(decoded.image_bgr, arrival_s)
