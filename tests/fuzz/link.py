@@ -48,7 +48,8 @@ def fuzz_link(count: int, seed: int, personality: Personality, folder: Path, *, 
     before = Usage.now()
     lockstep.run(lambda loop: _run(loop, row, seed, personality, folder, quiet))
     after = Usage.now()
-    if (after.handles, after.threads) != (before.handles, before.threads):
+    # Fewer is no fault: what an earlier test left to the garbage collector may be let go of meanwhile.
+    if after.handles > before.handles or after.threads > before.threads:
         row.problem(f"handles {before.handles} to {after.handles}, threads {before.threads} to {after.threads}")
     return row
 
