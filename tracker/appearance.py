@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tracker.box import Box
 from tracker.configs import TrackerConfig
-from tracker.crop import Image, context_side_px, crop, mean_colour
-from tracker.network.climrt import ClimRT
-from tracker.network.inference import as_input
+from tracker.crop import Image, context_side_px, mean_colour
+from tracker.engines.engine import Engine
 
 Array = NDArray[np.float32]
 
@@ -83,8 +81,8 @@ class Describer:
     much that tells nothing apart.
     """
 
-    def __init__(self, network: ClimRT, config: TrackerConfig, frame_bgr: Image, box: Box) -> None:
-        self._network, self._config = network, config
+    def __init__(self, engine: Engine, config: TrackerConfig, frame_bgr: Image, box: Box) -> None:
+        self._engine, self._config = engine, config
         self._fill = mean_colour(frame_bgr)
         side_px = context_side_px(box.w_px, box.h_px, config.context_frac) * config.search_px / config.exemplar_px
         layers = self._features(frame_bgr, box, round(side_px), config.search_px)
@@ -97,10 +95,10 @@ class Describer:
         layer4, layer5 = (_unit(layer - mean) for layer, mean in zip(layers, self._means, strict=True))
         return Appearance(layer4, layer5, colours(frame_bgr, box))
 
-    @torch.inference_mode()
     def _features(self, frame_bgr: Image, box: Box, side_px: int, out_px: int) -> tuple[Array, ...]:
-        patch = crop(frame_bgr, box.cx_px, box.cy_px, max(1, side_px), out_px, self._fill)
-        layers = self._network.features(as_input(patch, next(self._network.parameters()).device))
+        layers = self._engine.embed(
+            self._engine.cut(frame_bgr, box.cx_px, box.cy_px, max(1, side_px), out_px, self._fill)
+        )
         return tuple(layer[0].float().cpu().numpy() for layer in layers[-2:])  # HiFT's begin with layer 3
 
 

@@ -8,8 +8,7 @@ from typing import Protocol, assert_never
 from torch import Tensor
 
 from tracker.configs import ConfigError, LatentProvider, TrackerConfig
-from tracker.network.climnet import latent_patch
-from tracker.network.climrt import ClimRT
+from tracker.engines.engine import Engine, Patch
 
 
 class LatentSource(Protocol):
@@ -18,30 +17,28 @@ class LatentSource(Protocol):
     def reset(self) -> None:
         """Forget earlier patches: the next patch is the first."""
 
-    def latent5(self, patch: Tensor, features5: Tensor) -> Tensor:
-        """Layer-5 features (1, c5, 26, 26), from the current patch (1, 3, 287, 287) and its own features."""
+    def latent5(self, patch: Patch, features5: Tensor) -> Tensor:
+        """Layer-5 features (1, c5, 26, 26), from the current patch and its own features."""
 
 
 class ClimNetLatent:
     """ClimNet between the patch `interval` frames back (the paper's m) and the current one."""
 
-    def __init__(self, network: ClimRT, interval: int) -> None:
-        if network.internet is None:
+    def __init__(self, engine: Engine, interval: int) -> None:
+        if not engine.has_climnet:
             raise ConfigError("latent = climnet: these weights hold no ClimNet; use previous or off")
-        self._network = network
-        self._climnet = network.internet
-        self._patches: deque[Tensor] = deque(maxlen=interval)
+        self._engine = engine
+        self._patches: deque[Patch] = deque(maxlen=interval)
 
     def reset(self) -> None:
         """See LatentSource."""
         self._patches.clear()
 
-    def latent5(self, patch: Tensor, features5: Tensor) -> Tensor:
+    def latent5(self, patch: Patch, features5: Tensor) -> Tensor:
         """See LatentSource; at the start, the oldest patch there is, and the first time the patch itself."""
         earlier = self._patches[0] if self._patches else patch
         self._patches.append(patch)
-        features: Tensor = self._network.features(latent_patch(self._climnet, earlier, patch))[-1]
-        return features
+        return self._engine.imagine(earlier, patch)
 
 
 class PreviousLatent:
@@ -54,7 +51,7 @@ class PreviousLatent:
         """See LatentSource."""
         self._features.clear()
 
-    def latent5(self, patch: Tensor, features5: Tensor) -> Tensor:
+    def latent5(self, patch: Patch, features5: Tensor) -> Tensor:
         """See LatentSource; the first time the current patch's own features."""
         earlier = self._features[0] if self._features else features5
         self._features.append(features5)
@@ -67,16 +64,16 @@ class OwnLatent:
     def reset(self) -> None:
         """See LatentSource."""
 
-    def latent5(self, patch: Tensor, features5: Tensor) -> Tensor:
+    def latent5(self, patch: Patch, features5: Tensor) -> Tensor:
         """See LatentSource."""
         return features5
 
 
-def latent_source(network: ClimRT, config: TrackerConfig) -> LatentSource:
-    """The strategy a configuration asks for. Raises ConfigError where the network has no ClimNet."""
+def latent_source(engine: Engine, config: TrackerConfig) -> LatentSource:
+    """The strategy a configuration asks for. Raises ConfigError where there is no ClimNet."""
     match config.latent:
         case LatentProvider.CLIMNET:
-            return ClimNetLatent(network, config.latent_interval)
+            return ClimNetLatent(engine, config.latent_interval)
         case LatentProvider.PREVIOUS:
             return PreviousLatent(config.latent_interval)
         case LatentProvider.OFF:

@@ -13,12 +13,13 @@ from tracker.box import Box, TrackResult
 from tracker.confidence import ConfidenceModel, logistic
 from tracker.configs import TrackerConfig
 from tracker.correlation_filter import CorrelationFilter, FilterConfig
-from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, crop, mean_colour
+from tracker.crop import Colour, Image, check_box, check_frame, context_side_px, mean_colour
 from tracker.decode import Calibration, Decoded, decode
+from tracker.engines.eager import as_engine
+from tracker.engines.engine import Engine, Patch
 from tracker.evidence import Evidence, Judge
 from tracker.latent import latent_source
 from tracker.network.climrt import ClimRT, Features
-from tracker.network.inference import as_input, for_inference
 from tracker.recovery import DOUBTFUL_FRAMES, Recovery
 
 MIN_INIT_SIDE_PX = 4.0
@@ -53,22 +54,22 @@ class ClimRTTracker:
 
     def __init__(
         self,
-        network: ClimRT,
+        network: ClimRT | Engine,
         config: TrackerConfig,
         *,
         confidence: ConfidenceModel | None = None,
         threads: int | None = None,
     ) -> None:
-        """confidence: from evidence to probability, None: relative to the track's beginning.
+        """network: as trained, for the reference engine; or an engine.
 
+        confidence: from evidence to probability, None: relative to the track's beginning.
         threads: CPU threads for PyTorch, in the whole process; None leaves them as they are.
         """
         if threads is not None:
             torch.set_num_threads(threads)
         self.config = config
-        self._network = for_inference(network)
-        self._device = next(network.parameters()).device
-        self._latent = latent_source(self._network, config)
+        self._engine = as_engine(network)
+        self._latent = latent_source(self._engine, config)
         self._model = confidence
         self._judge = Judge(confidence)
         self._template: Features | None = None
@@ -96,9 +97,8 @@ class ClimRTTracker:
         config = self.config
         side_px = round(context_side_px(box.w_px, box.h_px, config.context_frac))
         fill = mean_colour(frame_bgr)
-        patch = crop(frame_bgr, box.cx_px, box.cy_px, side_px, config.exemplar_px, fill)
-        with torch.inference_mode():
-            self._template = self._network.template(self._tensor(patch))
+        patch = self._engine.cut(frame_bgr, box.cx_px, box.cy_px, side_px, config.exemplar_px, fill)
+        self._template = self._engine.embed(patch)
         self._box, self._first_side_px, self._fill = box, side_px, fill
         self._judge, self.evidence = Judge(self._model), None
         self._frames = self._hidden_frames = self._doubtful_frames = 0
@@ -107,13 +107,13 @@ class ClimRTTracker:
         self._calibration = self._calibrated(frame_bgr, self._template) if config.calibrate else None
         self._recovery = None
         if config.redetect:
-            self._recovery = Recovery(self._network, config, frame_bgr, box, self._template, self._calibration)
+            self._recovery = Recovery(self._engine, config, frame_bgr, box, self._template, self._calibration)
         self._latent.reset()
 
     def _learned(self, frame_bgr: Image) -> CorrelationFilter:
         """A filter that knows the target and its surroundings in the first frame."""
         with torch.inference_mode():
-            features = self._network.features(self._search_patch(frame_bgr)[0])
+            features = self._engine.embed(self._search_patch(frame_bgr)[0])
             return CorrelationFilter(features[FILTERED], FilterConfig())
 
     def _calibrated(self, frame_bgr: Image, template: Features) -> Calibration | None:
@@ -227,20 +227,20 @@ class ClimRTTracker:
         distance_px = math.hypot(found.cx_px - self._box.cx_px, found.cy_px - self._box.cy_px)
         return relative < self.config.found_above or distance_px > reach_px
 
-    def _search_patch(self, frame_bgr: Image) -> tuple[Tensor, float]:
-        """The square that is searched, as the network takes it, and patch px per frame px."""
+    def _search_patch(self, frame_bgr: Image) -> tuple[Patch, float]:
+        """The square that is searched, and patch px per frame px."""
         config = self.config
         template_side_px = self._template_side_px(frame_bgr.shape[0] * frame_bgr.shape[1])
         side_px = round(template_side_px * config.search_px / config.exemplar_px)
-        patch = crop(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
-        return self._tensor(patch), config.exemplar_px / template_side_px
+        patch = self._engine.cut(frame_bgr, self._box.cx_px, self._box.cy_px, side_px, config.search_px, self._fill)
+        return patch, config.exemplar_px / template_side_px
 
     @torch.inference_mode()
     def _step(self, frame_bgr: Image, template: Features) -> Decoded:
         patch, scale = self._search_patch(frame_bgr)
-        features = self._network.features(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
+        features = self._engine.embed(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
         latent5 = self._latent.latent5(patch, features[-1])  # (1, c5, 26, 26)
-        loc, cls1, cls2 = (maps[0].cpu() for maps in self._network.heads(features, template, latent5))
+        loc, cls1, cls2 = (maps[0].cpu() for maps in self._engine.compare(features, template, latent5))
         response = None
         if self._filter is not None:
             self._reduced = self._filter.reduce(features[FILTERED])
@@ -254,9 +254,6 @@ class ClimRTTracker:
         if box.w_px * box.h_px > self.config.huge_frac * frame_area:
             return self._first_side_px
         return context_side_px(box.w_px, box.h_px, self.config.context_frac)
-
-    def _tensor(self, patch: Image) -> Tensor:
-        return as_input(patch, self._device)
 
 
 def _between(value: float, low: float, high: float) -> float:

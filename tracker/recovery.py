@@ -11,8 +11,9 @@ from tracker.candidates import Candidate
 from tracker.configs import TrackerConfig
 from tracker.crop import Image
 from tracker.decode import Calibration
+from tracker.engines.engine import Engine
 from tracker.motion import PATH_FRAMES, Grey, StabilisedPath, background_motion, small_grey
-from tracker.network.climrt import ClimRT, Features
+from tracker.network.climrt import Features
 from tracker.redetect import Redetector
 
 DOUBTFUL_FRAMES = 3  # in a row, after which the target is looked for elsewhere
@@ -39,14 +40,14 @@ class Recovery:
 
     def __init__(
         self,
-        network: ClimRT,
+        engine: Engine,
         config: TrackerConfig,
         frame_bgr: Image,
         box: Box,
         template: Features,
         calibration: Calibration | None,
     ) -> None:
-        self._redetector = Redetector(network, config, frame_bgr, box, template, calibration=calibration)
+        self._redetector = Redetector(engine, config, frame_bgr, box, template, calibration=calibration)
         self._recent: deque[Moment] = deque(maxlen=PATH_FRAMES + DOUBTFUL_FRAMES)
         self._path = StabilisedPath()
         self._size = box

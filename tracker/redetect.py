@@ -9,17 +9,16 @@ from dataclasses import replace
 from itertools import islice
 
 import numpy as np
-import torch
 
 from tracker.appearance import Appearance, CueWeights, Describer, Distractors, likeness
 from tracker.box import Box
 from tracker.candidates import Candidate, RedetectConfig, Redetection
 from tracker.configs import TrackerConfig
-from tracker.crop import Colour, Image, context_side_px, crop, mean_colour
+from tracker.crop import Colour, Image, context_side_px, mean_colour
 from tracker.decode import Calibration, Decoded, decode
+from tracker.engines.engine import Engine
 from tracker.motion import Homography, carry
-from tracker.network.climrt import ClimRT, Features
-from tracker.network.inference import as_input
+from tracker.network.climrt import Features
 from tracker.search_map import DRIFT_PER_FRAME, START_SPREAD, SearchMap
 
 PEAK_SPACING = 0.8  # of the box's sides, between two peaks in one window
@@ -45,7 +44,7 @@ class Redetector:
 
     def __init__(
         self,
-        network: ClimRT,
+        engine: Engine,
         tracker: TrackerConfig,
         frame_bgr: Image,
         box: Box,
@@ -57,10 +56,10 @@ class Redetector:
     ) -> None:
         """For the target in this box of its first frame; template, calibration: the tracker's."""
         self.config, self._weights = config or RedetectConfig(), weights or CueWeights()
-        self._network, self._tracker, self._template = network, replace(tracker, window_influence=0.0), template
+        self._engine, self._tracker, self._template = engine, replace(tracker, window_influence=0.0), template
         self._calibration = calibration
         self._fill: Colour = mean_colour(frame_bgr)
-        self._describer = Describer(network, tracker, frame_bgr, box)
+        self._describer = Describer(engine, tracker, frame_bgr, box)
         self._first = self._describer.describe(frame_bgr, box)
         self._recent: deque[Appearance] = deque(maxlen=RECENT_VIEWS)
         self._distractors = Distractors()
@@ -238,16 +237,15 @@ class Redetector:
             mean = (earlier.mean_log_odds * earlier.looks + candidate.log_odds) / looks
         return replace(candidate, looks=looks, mean_log_odds=mean)
 
-    @torch.inference_mode()
     def _look(self, frame_bgr: Image, place: Box, wide: float = 1.0) -> Decoded:
         """The network's word on the window round a target in this box, without the Hann window for its middle."""
         config = self._tracker
         scale = self._scale(place) / wide
         side_px = max(1, round(config.search_px / scale))
-        patch = crop(frame_bgr, place.cx_px, place.cy_px, side_px, config.search_px, self._fill)
-        features = self._network.features(as_input(patch, next(self._network.parameters()).device))
+        patch = self._engine.cut(frame_bgr, place.cx_px, place.cy_px, side_px, config.search_px, self._fill)
+        features = self._engine.embed(patch)
         # There is no earlier look at this place: the present stands for the latent frame.
-        loc, cls1, cls2 = (m[0].float().cpu() for m in self._network.heads(features, self._template, features[-1]))
+        loc, cls1, cls2 = (m[0].float().cpu() for m in self._engine.compare(features, self._template, features[-1]))
         frame_wh_px = (frame_bgr.shape[1], frame_bgr.shape[0])
         return decode(loc, cls1, cls2, place, scale, frame_wh_px, config, self._calibration)
 

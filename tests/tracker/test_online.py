@@ -76,8 +76,8 @@ def test_bad_input_is_refused_and_leaves_the_track(tiny: ClimRT) -> None:
 
 def test_a_network_gone_wild_keeps_the_box(tiny: ClimRT) -> None:
     tracker = ClimRTTracker(tiny, TrackerConfig())
-    heads = tracker._network.heads
-    tracker._network.heads = lambda *a: Predictions(*(torch.full_like(maps, math.nan) for maps in heads(*a)))
+    compare = tracker._engine.compare
+    tracker._engine.compare = lambda *a: Predictions(*(torch.full_like(maps, math.nan) for maps in compare(*a)))
     tracker.init(frame(0), START)
     result = tracker.update(frame(1))
     assert (result.box, result.score, result.confidence) == (START, 0.0, 0.0)

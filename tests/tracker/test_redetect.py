@@ -15,7 +15,8 @@ from tracker.appearance import Appearance, CueWeights, Describer, Distractors, c
 from tracker.box import Box
 from tracker.candidates import RedetectConfig
 from tracker.configs import TrackerConfig
-from tracker.crop import Image
+from tracker.crop import Image, crop
+from tracker.engines.eager import EagerEngine
 from tracker.network.climrt import ClimRT
 from tracker.redetect import Redetector
 from tracker.search_map import CELL_PX, SearchMap
@@ -27,27 +28,27 @@ GROUND = np.asarray(
 )
 
 
-class Greenless(torch.nn.Module):
-    """Answers like the network: likes whatever is not grey, red and blue alike.
+class Greenless:
+    """Answers like an engine: likes whatever is not grey, red and blue alike.
 
     Its features are the picture's colours, so that likeness tells red from blue as a trained backbone would.
     """
 
     def __init__(self) -> None:
-        super().__init__()
-        self.unused = torch.nn.Parameter(torch.zeros(1))
         self.looks: list[int] = []
 
-    def features(self, x: Tensor) -> tuple[Tensor, Tensor]:
+    def cut(self, *where: Any) -> Tensor:
+        return torch.from_numpy(crop(*where))[None]
+
+    def embed(self, patch: Tensor) -> tuple[Tensor, Tensor]:
+        x = patch.permute(0, 3, 1, 2).float()
         if x.shape[-1] > 200:
             self.looks.append(x.shape[-1])
         cells = 28 if x.shape[-1] > 200 else 8
         pooled = torch.nn.functional.adaptive_avg_pool2d(x, cells) / 255
         return pooled, pooled[..., 1:-1, 1:-1]
 
-    template = features
-
-    def heads(self, search: tuple[Tensor, Tensor], template: Any, latent5: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def compare(self, search: tuple[Tensor, Tensor], template: Any, latent5: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         colour = search[0].amax(1) - search[0].amin(1)  # (1, 28, 28)
         inner = torch.nn.functional.interpolate(colour[:, None], (287, 287), mode="bilinear")[..., 55:232, 55:232]
         grid = torch.nn.functional.adaptive_avg_pool2d(inner, 11)  # (1, 1, 11, 11): cells 16 px apart
@@ -67,9 +68,9 @@ def redetector(config: RedetectConfig | None = None, weights: CueWeights | None 
     network = Greenless()
     start = draw((100, 100, RED))
     box = Box(100, 100, SIZE, SIZE)
-    any_network: Any = network
+    any_engine: Any = network
     tracker = TrackerConfig(cls2_is_logit=False)
-    found = Redetector(any_network, tracker, start, box, network.features(torch.zeros(1, 3, 127, 127)), config=config,
+    found = Redetector(any_engine, tracker, start, box, network.embed(torch.zeros(1, 127, 127, 3)), config=config,
                        weights=weights)  # fmt: skip
     network.looks.clear()
     return found, network
@@ -207,7 +208,7 @@ def test_colours_overlap_for_the_same_and_not_for_another() -> None:
 
 def test_likeness_with_the_real_network(tiny: ClimRT) -> None:
     image = draw((100, 100, RED), (300, 100, RED), (500, 100, BLUE))
-    describer = Describer(tiny, TrackerConfig(), image, Box(100, 100, SIZE, SIZE))
+    describer = Describer(EagerEngine(tiny), TrackerConfig(), image, Box(100, 100, SIZE, SIZE))
     red, same, other = (describer.describe(image, Box(x, 100, SIZE, SIZE)) for x in (100, 300, 500))
     assert likeness(red, red).mean == pytest.approx(1, abs=1e-4)
     assert likeness(red, same).mean > likeness(red, other).mean + 0.2

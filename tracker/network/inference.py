@@ -5,18 +5,12 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from tracker.crop import Image
 from tracker.network.backbone import Backbone
 from tracker.network.climrt import ClimRT
 from tracker.network.folded import FoldedClimNet
-
-
-def as_input(patch_bgr: Image, device: torch.device) -> Tensor:
-    """(S, S, 3) uint8 to (1, 3, S, S) float 0..255; stays channels-last in memory, as the network's."""
-    return torch.from_numpy(patch_bgr).to(device).permute(2, 0, 1)[None].float()
 
 
 @torch.no_grad()
