@@ -10,6 +10,11 @@ from tracker.crop import Colour, Image
 from tracker.network.climrt import Features
 from tracker.network.heads import Predictions
 
+
+class EngineError(ValueError):
+    """An engine that is none, or cannot run here or with this network; one line."""
+
+
 Patch = Tensor  # (1, S, S, 3) uint8 BGR, on the engine's device
 
 
