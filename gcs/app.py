@@ -76,7 +76,10 @@ async def _fly_shown(
     config = options.config
     _starting(f"loading the tracker, waiting for the vehicle at {options.vehicle}", screen, displays)
     # Side by side: the one keeps a processor busy, the other mostly waits.
-    loading = asyncio.create_task(asyncio.to_thread(_load, config))
+    loop = asyncio.get_running_loop()
+    loading = asyncio.create_task(
+        asyncio.to_thread(_load, config, lambda text: loop.call_soon_threadsafe(displays.say, text))
+    )
     await displays.prepare()
     watermark = "SIM" if config.vehicle.simulated else None
     await kept.begin("run", source, options.vehicle, watermark=watermark)
@@ -103,10 +106,10 @@ async def _fly_shown(
                 await fly(flight, *beside, camera)
 
 
-def _load(config: Config) -> BoxTracker:
+def _load(config: Config, say: Callable[[str], object]) -> BoxTracker:
     """In a thread: SciPy's second is spent here too, not on the loop when the first filter is made."""
     importlib.import_module("filterpy.kalman")
-    return make_tracker(config.tracker)
+    return make_tracker(config.tracker, say)
 
 
 def _preselect(station: FlightStation, box: Box | None, say: Callable[[str], None]) -> tuple[asyncio.Future[None], ...]:

@@ -44,6 +44,18 @@ class Latent(Enum):
     OFF = "off"
 
 
+class EngineName(Enum):
+    """What runs the tracker's network; names as in tracker.engines.catalogue, which stays unimported."""
+
+    TORCH = "torch"
+    OPENVINO = "openvino"
+    ONNXRUNTIME = "onnxruntime"
+    CUDA_FP16 = "cuda-fp16"
+    CUDA_BF16 = "cuda-bf16"
+    CUDA_TF32 = "cuda-tf32"
+    CUDA_FP32 = "cuda-fp32"
+
+
 class AutopilotChoice(Enum):
     """Which adapter speaks to the vehicle; auto believes its heartbeat."""
 
@@ -133,16 +145,19 @@ class GimbalConfig:
 
 @dataclass(frozen=True, slots=True)
 class TrackerConfig:
-    """Which weights, and how the latent frame is made; null leaves a choice to the weights file.
+    """What tracks, and what runs it. null weights, engine, threads, latent: what is best at `fps` on this machine,
+    which is measured once (`gcs bench --auto` measures again).
 
-    weights: a shipped name ("compact") or a .safetensors file. latent_interval: the paper's m.
-    threads: CPU threads of PyTorch.
+    weights: a shipped name ("compact") or a .safetensors file. latent_interval: the paper's m, null: the weights'.
+    threads: CPU threads of the engine. fps: pictures a second to keep up with.
     """
 
-    weights: str = "compact"
+    weights: str | None = None
     latent: Latent | None = None
     latent_interval: int | None = _whole(1, None, 5)
+    engine: EngineName | None = None
     threads: int | None = _whole(1, None, 64)
+    fps: float = _ranged(1.0, 30.0, 240.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,10 +91,9 @@ def main(args: argparse.Namespace) -> int:
     return outcome.exit_code
 
 
-def demo(
-    options: DemoOptions, screen: Screen, make: Callable[[Config], BoxTracker] = lambda c: make_tracker(c.tracker)
-) -> Outcome:
+def demo(options: DemoOptions, screen: Screen, make: Callable[[Config], BoxTracker] | None = None) -> Outcome:
     """Fly and judge. make: the tracker, for tests that bring their own."""
+    make = make or (lambda config: make_tracker(config.tracker, screen.say))
     with contextlib.closing(demo_folder(options.out)) as folder:
         return asyncio.run(_demo(options, screen, folder, make))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from gcs.config import TrackerConfig
 from gcs.video.frame import Image
 from tracker.box import Box, TrackResult
+
+log = logging.getLogger(__name__)
 
 
 class BoxTracker(Protocol):
@@ -27,16 +31,24 @@ class BoxTracker(Protocol):
         ...
 
 
-def make_tracker(config: TrackerConfig) -> BoxTracker:
-    """The configured tracker, weights loaded. Raises tracker.weights.WeightsError, one line."""
+def make_tracker(config: TrackerConfig, say: Callable[[str], object] = log.info) -> BoxTracker:
+    """The configured tracker, weights loaded; what the configuration leaves open is chosen, and said.
+
+    Raises tracker.weights.WeightsError, tracker.engines.engine.EngineError, one line.
+    """
     # PyTorch costs seconds and hundreds of MB: only here, when a tracker is really wanted.
+    from gcs.engine_choice.choice import chosen
     from tracker.configs import LatentProvider
     from tracker.weights import load_tracker
 
+    config = chosen(config, say)
+    assert config.weights is not None
+    assert config.engine is not None
     latent = None if config.latent is None else LatentProvider(config.latent.value)
     tracker = load_tracker(
-        config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads
-    )
+        config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads,
+        engine=config.engine.value,
+    )  # fmt: skip
     something = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
     tracker.init(something, Box(320.0, 240.0, 48.0, 48.0))  # else the first selection is what waits for PyTorch
     tracker.update(something)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 import torch
@@ -31,6 +31,16 @@ CLEARLY_HEARD = 0.6  # of the filter's usual response: such a target is not lost
 REFOUND_FRAMES = 20  # for how many the frame counts in which the object was found again
 FILTERED = -2  # layer 4 among the backbone's features, which end with layers 4 and 5
 LEARN_EVERY = 5  # frames between two lessons of the correlation filter
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What a tracker was loaded from, and what runs it: weights by name or path, their SHA-256, engine, CPU threads."""
+
+    weights: str
+    sha256: str
+    engine: str
+    threads: int
 
 
 class NotInitialisedError(ValueError):
@@ -68,6 +78,7 @@ class ClimRTTracker:
         if threads is not None:
             torch.set_num_threads(threads)
         self.config = config
+        self.loaded: Loaded | None = None  # by tracker.weights.load_tracker
         self._engine = as_engine(network)
         self._latent = latent_source(self._engine, config)
         self._model = confidence

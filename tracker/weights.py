@@ -17,8 +17,9 @@ from torch import Tensor
 
 from tracker.confidence import ConfidenceError, ConfidenceModel
 from tracker.configs import ConfigError, LatentProvider, NetworkConfig, TrackerConfig
+from tracker.engines.catalogue import TORCH, make_engine
 from tracker.network.climrt import ClimRT
-from tracker.online import ClimRTTracker
+from tracker.online import ClimRTTracker, Loaded
 
 FORMAT = "climrt-weights/1"
 DATA = Path(__file__).parent / "data"
@@ -192,11 +193,12 @@ def load_tracker(
     latent: LatentProvider | None = None,
     latent_interval: int | None = None,
     threads: int | None = None,
+    engine: str = TORCH,
 ) -> ClimRTTracker:
     """A tracker ready for init: shipped weights by name ("compact"), or a .safetensors file by path.
 
-    latent, latent_interval: override the manifest's. threads: CPU threads for PyTorch. Raises WeightsError, and
-    ConfigError for latent = climnet with weights that hold no ClimNet.
+    latent, latent_interval: override the manifest's. threads: CPU threads of the engine. Raises WeightsError,
+    EngineError, and ConfigError for latent = climnet with weights that hold no ClimNet.
     """
     path = find_weights(name_or_path)
     manifest = read_manifest(path)
@@ -207,7 +209,12 @@ def load_tracker(
         confidence = manifest.confidence
     except ConfidenceError as error:
         raise WeightsError(f"{_manifest_path(path)}: {error}") from error
-    return ClimRTTracker(load_network(path), config, confidence=confidence, threads=threads)
+    # What PyTorch still does beside another engine is little, and its threads would be in the way.
+    threads_of_torch = threads if engine == TORCH else 1
+    runs = make_engine(engine, load_network(path), threads, climnet=config.latent is LatentProvider.CLIMNET)
+    tracker = ClimRTTracker(runs, config, confidence=confidence, threads=threads_of_torch)
+    tracker.loaded = Loaded(str(name_or_path), manifest.sha256, runs.name, threads or torch.get_num_threads())
+    return tracker
 
 
 def expected_tensors(network: ClimRT, parts: tuple[str, ...]) -> dict[str, Tensor]:

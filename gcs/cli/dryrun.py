@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import math
 import sys
@@ -20,6 +21,7 @@ from gcs.dryrun.batch import Options, run
 from gcs.dryrun.output import Summary
 from gcs.errors import EXIT_INTERRUPTED, GcsError, VideoError, one_line
 from gcs.selection import parse_box
+from gcs.tracking import make_tracker
 from sitl_mocks import sequences
 
 
@@ -33,11 +35,15 @@ def main(args: argparse.Namespace) -> int:
     if args.page:
         return _in_page(options, args)
     with Bar() as bar:
-        summary = run(options, progress=bar.update)
+        summary = run(options, tracker_factory=functools.partial(make_tracker, say=_tell), progress=bar.update)
     show(summary, as_json=args.json)
     if summary.problem is not None:
         raise VideoError(summary.problem)
     return EXIT_INTERRUPTED if summary.interrupted else 0
+
+
+def _tell(text: str) -> None:
+    print(one_line(text), file=sys.stderr, flush=True)
 
 
 def _in_page(options: Options, args: argparse.Namespace) -> int:

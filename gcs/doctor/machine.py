@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs.doctor.check import Question, Result, Say, fail, ok, skip, warn
+from gcs.recorder.facts import usable_cores
 
 _TICK_S: Final = 0.05  # of the control task
 _TICKS: Final = 20
@@ -23,7 +24,7 @@ _BROWSERS: Final = ("firefox", "chromium", "chromium-browser", "google-chrome", 
 
 def cores(question: Question, _say: Say) -> Iterator[Result]:
     """How many we may use, and whether others use them."""
-    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = usable_cores()
     threads = question.config.tracker.threads
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
     text = f"{count} to use, load {load:.1f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -30,13 +31,14 @@ Say = Callable[[str], None]
 
 
 def run(
-    options: Options, say: Say, tracker_factory: Callable[[TrackerChoice], BoxTracker] = make_tracker
+    options: Options, say: Say, tracker_factory: Callable[[TrackerChoice], BoxTracker] | None = None
 ) -> Summary | None:
     """Until Ctrl-C; the summary of the newest pass through the video, None if it never played.
 
     Raises GcsError, one line, when there is nothing to run.
     """
-    return asyncio.run(_run(options, say, tracker_factory))
+    make = tracker_factory or functools.partial(make_tracker, say=say)
+    return asyncio.run(_run(options, say, make))
 
 
 async def _run(options: Options, say: Say, tracker_factory: Callable[[TrackerChoice], BoxTracker]) -> Summary | None:

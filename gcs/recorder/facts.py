@@ -24,7 +24,7 @@ from gcs.video.frame import redact
 
 _PACKAGES: Final = (
     "climrt-gcs", "numpy", "scipy", "torch", "opencv-python-headless", "av", "mavsdk", "pymavlink", "filterpy",
-    "msgspec", "safetensors", "xxhash",
+    "msgspec", "safetensors", "xxhash", "openvino", "onnxruntime",
 )  # fmt: skip
 # What changes the last bits of a result.
 _FLAGS: Final = (
@@ -104,17 +104,21 @@ def _code_sha256() -> str:
 def machine() -> dict[str, str]:
     """What the last bits of a result may depend on."""
     cpu = dict(_cpu())
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     found = {
         "platform": platform.platform(),
         "architecture": platform.machine(),
         "cpu": cpu.get("model name", platform.processor() or platform.machine()),
         "cpu_flags": " ".join(flag for flag in _FLAGS if flag in cpu.get("flags", cpu.get("Features", "")).split()),
-        "cores": str(usable),
+        "cores": str(usable_cores()),
     }
     with contextlib.suppress(ValueError, OSError, AttributeError):
         found["memory_mb"] = str(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 1_000_000)
     return found | {name: os.environ[name] for name in NUMBER_VARIABLES if name in os.environ}
+
+
+def usable_cores() -> int:
+    """CPUs that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _cpu() -> Iterator[tuple[str, str]]:
@@ -125,18 +129,13 @@ def _cpu() -> Iterator[tuple[str, str]]:
             yield name.strip(), value.strip()
 
 
-def weights_of(tracker: BoxTracker, config: Config) -> WeightsFacts | None:
+def weights_of(tracker: BoxTracker) -> WeightsFacts | None:
     """Of a tracker that has been loaded; None for one without weights."""
     online = sys.modules.get("tracker.online")
-    if online is None or not isinstance(tracker, online.ClimRTTracker):
+    if online is None or not isinstance(tracker, online.ClimRTTracker) or tracker.loaded is None:
         return None
-    import torch
-
-    from tracker.weights import find_weights, read_manifest
-
-    name = config.tracker.weights
-    sha256 = read_manifest(find_weights(name)).sha256  # which the file was found to have when it was loaded
-    return WeightsFacts(name, sha256, torch.get_num_threads())
+    loaded = tracker.loaded
+    return WeightsFacts(loaded.weights, loaded.sha256, loaded.threads, loaded.engine, tracker.config.latent.value)
 
 
 def pytorch_facts() -> dict[str, str]:

@@ -35,11 +35,13 @@ class VideoFacts(msgspec.Struct, frozen=True):
 
 
 class WeightsFacts(msgspec.Struct, frozen=True):
-    """The tracker's weights; sha256 of the file."""
+    """The tracker's weights; sha256 of the file. engine, threads: what ran them; others may change the last bits."""
 
     name: str
     sha256: str
-    threads: int  # of PyTorch: another number may change the last bits
+    threads: int
+    engine: str = "torch"
+    latent: str | None = None  # provider of the latent frame; None: not told
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):

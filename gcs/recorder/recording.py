@@ -79,7 +79,7 @@ class Recording:
     async def tracked_by(self, tracker: BoxTracker) -> None:
         """Note which tracker it is, once it is loaded."""
         assert self._manifest is not None
-        weights, machine = facts.weights_of(tracker, self._config), self._manifest.machine | facts.pytorch_facts()
+        weights, machine = facts.weights_of(tracker), self._manifest.machine | facts.pytorch_facts()
         self._manifest = msgspec.structs.replace(self._manifest, weights=weights, machine=machine)
         with contextlib.suppress(OSError):  # it stands as it was
             await asyncio.to_thread(write_manifest, self.path, self._manifest)

@@ -8,12 +8,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from gcs.config import Config
+from gcs.config import Config, EngineName, Latent, TrackerConfig
 from gcs.flight_vision import Seen
 from gcs.recorder.events import Selected
 from gcs.recorder.facts import NUMBER_VARIABLES, machine, software
 from gcs.recorder.folder import in_progress_note
-from gcs.recorder.manifest import Manifest, ManifestError, read_manifest
+from gcs.recorder.manifest import Manifest, ManifestError, WeightsFacts, read_manifest
 from gcs.replay.film import Film
 from gcs.replay.log import FlightLog, FrameRow, ReplayError
 from gcs.tracking import make_tracker
@@ -158,16 +158,25 @@ def _of(seen: dict[int, Seen]) -> SeenOf:
     return lambda number, row: seen.get(number) or recorded_seen(number, row)
 
 
+def _as_flown(config: TrackerConfig, facts: WeightsFacts | None) -> TrackerConfig:
+    """With the engine of then: another, or other threads, add in another order."""
+    if facts is None:
+        return config
+    latent = config.latent or (None if facts.latent is None else Latent(facts.latent))
+    return replace(
+        config, weights=config.weights or facts.name, engine=EngineName(facts.engine), threads=facts.threads,
+        latent=latent,
+    )  # fmt: skip
+
+
 def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple[dict[int, Seen], str | None]:
     """Every frame through the tracker of this configuration, by number; and why it ended before the last, if it did."""
     film = Film(recorded.folder)
     seen: dict[int, Seen] = {}
     if film.problem is not None:
         return seen, film.problem
-    weights = recorded.manifest.weights
-    threads = config.tracker.threads if weights is None else weights.threads  # other threads add in another order
     progress("loading the tracker")
-    tracker = make_tracker(replace(config.tracker, threads=threads))
+    tracker = make_tracker(_as_flown(config.tracker, recorded.manifest.weights))
     eyes = EyesAgain(tracker, film.picture)
     total = len(recorded.log)
     try:

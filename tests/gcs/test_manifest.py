@@ -53,13 +53,12 @@ def test_no_secret_gets_in(tmp_path: Path) -> None:
 def test_it_names_the_weights_and_threads_of_a_real_tracker_only() -> None:
     import torch
 
-    config = Config()
-    found = facts.weights_of(load_tracker(config.tracker.weights), config)
+    found = facts.weights_of(load_tracker("compact"))
     assert found is not None
     assert found.sha256 == json.loads((DATA / "compact.json").read_text())["sha256"]
-    assert found.threads == torch.get_num_threads()
+    assert (found.threads, found.engine, found.latent) == (torch.get_num_threads(), "torch", "previous")
     assert facts.pytorch_facts()["torch_cpu"]
-    assert facts.weights_of(BlobTracker(), config) is None
+    assert facts.weights_of(BlobTracker()) is None
 
 
 def test_it_needs_no_pytorch() -> None:

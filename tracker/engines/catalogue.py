@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import Final
 
+import torch
+
+from tracker.engines.cuda import CudaEngine
 from tracker.engines.eager import EagerEngine
 from tracker.engines.engine import Engine, EngineError
+from tracker.engines.half import Precision
+from tracker.engines.onnxruntime import ONNXRuntimeEngine
+from tracker.engines.openvino import OpenVINOEngine
 from tracker.network.climrt import ClimRT
 
 TORCH: Final = "torch"
-ENGINES: Final = (TORCH,)
+EXPORTED: Final = {engine.runtime: engine for engine in (OpenVINOEngine, ONNXRuntimeEngine)}
+ON_DEVICE: Final = {f"cuda-{precision.value}": precision for precision in Precision}
+ENGINES: Final = (TORCH, *EXPORTED, *ON_DEVICE)
 
 
 def available_engines() -> list[str]:
-    """Those whose package, or device, is there."""
-    return [TORCH]
+    """Those whose package, or device, is there; on a GPU in the precision that is fastest within the stated limits."""
+    found = [name for name in EXPORTED if importlib.util.find_spec(name) is not None]
+    return [TORCH, *found, *([f"cuda-{Precision.FP16.value}"] if torch.cuda.is_available() else [])]
 
 
-def make_engine(name: str, network: ClimRT, threads: int | None = None) -> Engine:
-    """By its name, for a network on the CPU; threads: of an engine that brings its own. EngineError, one line."""
-    match name:
-        case "torch":
-            return EagerEngine(network)
-        case _:
-            raise EngineError(f"engine {name}: none of {', '.join(ENGINES)}")
+def make_engine(name: str, network: ClimRT, threads: int | None = None, *, climnet: bool = True) -> Engine:
+    """By its name, for a network on the CPU.
+
+    threads: of an engine that brings its own. climnet=False: it will not be asked to imagine. EngineError, one line.
+    """
+    if name == TORCH:
+        return EagerEngine(network)
+    if name in EXPORTED:
+        return EXPORTED[name](network, threads=threads or torch.get_num_threads(), climnet=climnet)
+    if name in ON_DEVICE:
+        if not torch.cuda.is_available():
+            raise EngineError(f"engine {name}: PyTorch finds no GPU here")
+        return CudaEngine(network, ON_DEVICE[name], torch.device("cuda"))
+    raise EngineError(f"engine {name}: none of {', '.join(ENGINES)}")

@@ -12,7 +12,7 @@ from tracker.network.heads import Predictions
 
 
 class EngineError(ValueError):
-    """An engine that is none, or cannot run here or with this network; one line."""
+    """No such engine, one that cannot run here or with this network, or its files; one line: what and where."""
 
 
 Patch = Tensor  # (1, S, S, 3) uint8 BGR, on the engine's device

@@ -1,0 +1,131 @@
+"""Which weights, engine, threads and latent provider track best on this machine: measured once, then remembered.
+
+The best weights and latent provider that keep up with the wanted frame rate, on as few threads as do: the rest of the
+machine decodes, controls, records and shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from gcs.config import EngineName, Latent, TrackerConfig
+from gcs.engine_choice.measure import Candidate, Measured, measure
+from gcs.engine_choice.memory import remember, remembered
+from gcs.errors import one_line
+from gcs.recorder.facts import usable_cores
+
+BUSY_FRAC: Final = 0.5  # of the time between two pictures; the rest is for decoding, control and showing
+_THREADS: Final = (1, 2, 4)
+Say = Callable[[str], object]
+
+
+def choose(measured: Sequence[Measured], fps: float, scores: Mapping[tuple[str, str | None], float]) -> Measured:
+    """The best by score that keeps up with `fps` pictures a second, else the fastest; scores: by weights and latent.
+
+    ValueError without a candidate.
+    """
+    if not measured:
+        raise ValueError("no way to track could be measured")
+    within_ms = 1000.0 / fps * BUSY_FRAC
+    able = [each for each in measured if each.update_ms <= within_ms]
+    if not able:
+        return min(measured, key=lambda each: each.update_ms)
+
+    def rank(each: Measured) -> tuple[float, int, float]:
+        candidate = each.candidate
+        return -scores.get((candidate.weights, candidate.latent), 0.0), candidate.threads, each.update_ms
+
+    return min(able, key=rank)
+
+
+def chosen(config: TrackerConfig, say: Say, *, anew: bool = False) -> TrackerConfig:
+    """The configuration with weights, engine, threads and latent provider decided; anew: measure again.
+
+    Nothing is measured where the configuration leaves nothing open. Imports PyTorch, else.
+    """
+    if None not in (config.weights, config.engine, config.threads):
+        return config
+    candidates = _candidates(config)
+    known = {} if anew else {each.candidate: each for each in remembered()}
+    measured = [known[each] for each in candidates if each in known]
+    if not measured:
+        measured = _measure_all(candidates, say)
+        remember([*(each for each in known.values() if each.candidate not in candidates), *measured])
+    best = choose(measured, config.fps, _scores(candidates))
+    rate = f"{1000 / best.update_ms:.0f} pictures a second"
+    slow = "" if best.update_ms <= 1000 / config.fps else f"; {config.fps:g} were wanted: a slower video, or a GPU"
+    say(f"tracker: {best.candidate}: {best.update_ms:.1f} ms a picture here ({rate} at most{slow})")
+    return applied(config, best.candidate)
+
+
+def applied(config: TrackerConfig, candidate: Candidate) -> TrackerConfig:
+    """The configuration as the candidate has it."""
+    latent = config.latent if candidate.latent is None else Latent(candidate.latent)
+    return replace(
+        config, weights=candidate.weights, engine=EngineName(candidate.engine), threads=candidate.threads, latent=latent
+    )
+
+
+def _candidates(config: TrackerConfig) -> list[Candidate]:
+    """What the configuration leaves open, as far as it can run here."""
+    from tracker.engines.catalogue import ON_DEVICE, available_engines
+
+    threads = [config.threads] if config.threads is not None else [n for n in _THREADS if n <= usable_cores()]
+    engines = [config.engine.value] if config.engine is not None else available_engines()
+    return [
+        Candidate(weights, engine, count, latent)
+        for weights in ([config.weights] if config.weights is not None else _shipped())
+        for latent in _latents(weights, config)
+        for engine in engines
+        for count in (threads if engine not in ON_DEVICE else threads[:1])
+    ]
+
+
+def _shipped() -> list[str]:
+    from tracker.weights import DATA
+
+    return sorted(path.stem for path in DATA.glob("*.safetensors"))
+
+
+def _latents(weights: str, config: TrackerConfig) -> list[str | None]:
+    """None where the configuration or the weights file decides; else those that score best, the dearer first."""
+    if config.latent is not None:
+        return [config.latent.value]
+    scores = _latent_scores(weights)
+    own = scores.get(None)
+    better = [latent for latent, score in scores.items() if latent is not None and own is not None and score > own]
+    return [*better, None]
+
+
+def _latent_scores(weights: str) -> dict[str | None, float]:
+    """Success on the development sequences by latent provider, None: the weights' own; as their manifest says."""
+    from tracker.weights import find_weights, read_manifest
+
+    manifest = read_manifest(find_weights(weights))
+    metrics = manifest.extra.get("metrics", {})
+    found = metrics.get("development_auc_by_latent", {})
+    scores: dict[str | None, float] = {str(name): float(score) for name, score in found.items()}
+    own = scores.pop(manifest.tracker.latent.value, metrics.get("development_auc"))
+    return scores if own is None else scores | {None: float(own)}
+
+
+def _scores(candidates: Sequence[Candidate]) -> dict[tuple[str, str | None], float]:
+    return {
+        (weights, latent): score
+        for weights in {each.weights for each in candidates}
+        for latent, score in _latent_scores(weights).items()
+    }
+
+
+def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
+    """Each that runs; one that does not is said and left out."""
+    measured = []
+    say(f"measuring {len(candidates)} ways to track on this machine, once ...")
+    for each in candidates:
+        try:
+            measured.append(measure(each))
+        except (ValueError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
+            say(f"tracker: {each} does not run here: {one_line(error)}")
+    return measured
