@@ -42,6 +42,13 @@ def _add_bench_track(kinds: Commands) -> None:
     _add_dataset(p)
     p.add_argument("--config", choices=("compact", "full"), help="the shipped configuration (default: compact)")
     p.add_argument("--weights", metavar="FILE", help="weights of your own (.safetensors) instead of those that ship")
+    p.add_argument(
+        "--engine", metavar="NAME", default="torch", help="what runs the network (default: torch, the reference)"
+    )
+    p.add_argument(
+        "--latent", choices=("climnet", "previous", "off"), help="the latent frame (default: the weights' own)"
+    )
+    p.add_argument("--threads", type=int, metavar="N", help="CPU threads of the engine (default: the engine's own)")
     p.add_argument("--results", metavar="DIR", help="keep the boxes there as text; a run broken off goes on from them")
     p.add_argument("--against", metavar="NAME=DIR", action="append", default=[], help="another tracker's boxes; repeat")
     p.add_argument(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from gcs.errors import EXIT_USAGE, ConfigError, one_line
 
 if TYPE_CHECKING:
+    from tracker.configs import LatentProvider
     from tracker.eval.benchmark import Results
     from tracker.eval.datasets import Dataset
     from tracker.eval.latency import LatencyConfig
@@ -33,6 +34,8 @@ def track(args: argparse.Namespace) -> int:
 
     if args.jobs < 1:
         raise ConfigError(f"--jobs {args.jobs}: must be 1 or more")
+    if args.threads is not None and args.threads < 1:
+        raise ConfigError(f"--threads {args.threads}: must be 1 or more")
     if args.cluster is not None and args.latency:
         raise ConfigError("--latency with --cluster: times on shared workers say nothing; run it on one machine")
     others = [_named(text, "--against") for text in args.against]
@@ -40,8 +43,8 @@ def track(args: argparse.Namespace) -> int:
     dataset = _dataset(args)
     weights = args.weights or args.config or "compact"
     store = _store(args, weights, latency, dataset)
-    one_thread = args.jobs > 1 or args.cluster is not None
-    job = Job(Shipped(weights), 1 if one_thread else None, latency)
+    threads = 1 if args.jobs > 1 or args.cluster is not None else args.threads
+    job = Job(Shipped(weights, args.engine, threads, _latent(args)), threads, latency)
     _header(args)
     ours = run_benchmark(
         "ClimRT",
@@ -126,13 +129,19 @@ def _latency(args: argparse.Namespace) -> LatencyConfig | None:
     return LatencyConfig(args.fps, args.slower, PixelKalman)
 
 
+def _latent(args: argparse.Namespace) -> LatentProvider | None:
+    from tracker.configs import LatentProvider
+
+    return None if args.latent is None else LatentProvider(args.latent)
+
+
 def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None, dataset: Dataset) -> Store | None:
     """Where results are kept, if at all; loads the weights once, so that bad ones are refused before anything runs."""
     from tracker.eval.datasets import Layout
     from tracker.eval.store import Store
     from tracker.weights import DATA, load_tracker, read_manifest
 
-    config = load_tracker(weights).config
+    config = load_tracker(weights, engine=args.engine, threads=args.threads, latent=_latent(args)).config
     shipped = DATA / f"{weights}.safetensors"
     manifest = read_manifest(shipped if not Path(weights).exists() and shipped.is_file() else weights)
     if args.config is not None and manifest.network.name != args.config:
@@ -141,6 +150,8 @@ def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None
         return None
     clock = None if latency is None else {"fps": latency.fps, "slower": latency.slower}
     settings = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
+    if args.engine != "torch":  # what was kept before there were others goes on
+        settings["engine"] = args.engine
     return Store(Path(args.results), settings, as_got10k=dataset.layout is Layout.GOT10K)
 
 

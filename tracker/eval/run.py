@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracker.box import Box, TrackResult
+from tracker.configs import LatentProvider
 from tracker.crop import Image
 from tracker.eval.latency import LatencyConfig, LateOutcome, track_late
 from tracker.eval.ope import Score, score
@@ -39,14 +40,20 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """Makes trackers from weights: a name that ships, or a .safetensors file. Travels to other processes."""
+    """Makes trackers from weights: a name that ships, or a .safetensors file. Travels to other processes.
+
+    engine, threads: what runs them; latent: provider of the latent frame, None: the weights' own.
+    """
 
     weights: str
+    engine: str = "torch"
+    threads: int | None = None
+    latent: LatentProvider | None = None
 
     def __call__(self) -> Tracker:
         from tracker.weights import load_tracker  # here: who only scores boxes waits for no PyTorch
 
-        return load_tracker(self.weights)
+        return load_tracker(self.weights, engine=self.engine, threads=self.threads, latent=self.latent)
 
 
 @dataclass(frozen=True, slots=True)
