@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from typing import Protocol
 
+import cv2
 import numpy as np
 
 from gcs.config import TrackerConfig
@@ -41,6 +42,7 @@ def make_tracker(config: TrackerConfig, say: Callable[[str], object] = log.info)
     from tracker.configs import LatentProvider
     from tracker.weights import load_tracker
 
+    cv2.setNumThreads(1)  # what it does for a picture is little; its pool would take cores from engine and decoder
     config = chosen(config, say)
     assert config.weights is not None
     assert config.engine is not None
