@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -45,6 +46,12 @@ class Loaded:
 
 class NotInitialisedError(ValueError):
     """update was called before init."""
+
+
+class _Lesson(NamedTuple):
+    frame_bgr: Image
+    decoded: Decoded
+    confidence: float
 
 
 class Sight(Enum):
@@ -95,6 +102,7 @@ class ClimRTTracker:
         self._filter: CorrelationFilter | None = None
         self._reduced: Tensor | None = None
         self._recovery: Recovery | None = None
+        self._lesson: _Lesson | None = None
         self.evidence: Evidence | None = None
 
     def init(self, frame_bgr: Image, box: Box) -> None:
@@ -120,6 +128,7 @@ class ClimRTTracker:
         if config.redetect:
             self._recovery = Recovery(self._engine, config, frame_bgr, box, self._template, self._calibration)
         self._latent.reset()
+        self._lesson = None
 
     def _learned(self, frame_bgr: Image) -> CorrelationFilter:
         """A filter that knows the target and its surroundings in the first frame."""
@@ -147,10 +156,14 @@ class ClimRTTracker:
         )
 
     def update(self, frame_bgr: Image) -> TrackResult:
-        """The object's box in the next frame. Raises NotInitialisedError, or ValueError for a bad frame."""
+        """The object's box in the next frame. Raises NotInitialisedError, or ValueError for a bad frame.
+
+        The frame's pixels are read once more by `learn`: they must stay as they are until then.
+        """
         check_frame(frame_bgr)
         if self._template is None:
             raise NotInitialisedError("update before init: give init a frame and a box first")
+        self.learn()
         self._frames += 1
         if self._recovery is not None and self._hidden_frames:
             return self._searched(frame_bgr, self._recovery)
@@ -165,7 +178,7 @@ class ClimRTTracker:
         self._box = decoded.box
         if sight is Sight.SEEN:
             self._judge.seen(evidence)
-            self._taught(frame_bgr, decoded, confidence)
+            self._lesson = _Lesson(frame_bgr, decoded, confidence)
         elif self._recovery is not None:
             self._recovery.doubted(frame_bgr)
         return TrackResult(decoded.box, decoded.score, confidence, visible=sight is Sight.SEEN)
@@ -187,8 +200,15 @@ class ClimRTTracker:
         self._is_refound = self._recovery.resembles(frame_bgr, decoded.box, decoded.score)
         return Sight.SEEN if self._is_refound else Sight.HIDDEN
 
-    def _taught(self, frame_bgr: Image, decoded: Decoded, confidence: float) -> None:
-        """Filter and recovery learn from a frame in which the target is for sure."""
+    def learn(self) -> None:
+        """Filter and recovery learn from the last frame, if the target is in it for sure.
+
+        Whoever has time before the next frame calls this then; otherwise the next update does, first of all. It may
+        take longer than an update.
+        """
+        if self._lesson is None:
+            return
+        (frame_bgr, decoded, confidence), self._lesson = self._lesson, None
         surely = confidence >= self.config.sure_above
         if self._recovery is not None:
             self._recovery.seen(frame_bgr, decoded.box, surely=surely)
@@ -251,11 +271,14 @@ class ClimRTTracker:
         patch, scale = self._search_patch(frame_bgr)
         features = self._engine.embed(patch)  # (1, c4, 28, 28), (1, c5, 26, 26)
         latent5 = self._latent.latent5(patch, features[-1])  # (1, c5, 26, 26)
-        loc, cls1, cls2 = (maps[0].cpu() for maps in self._engine.compare(features, template, latent5))
+        predictions = self._engine.compare(features, template, latent5)
         response = None
         if self._filter is not None:
             self._reduced = self._filter.reduce(features[FILTERED])
             response = self._filter.response(self._reduced)
+        # One transfer, the last thing asked for: each waits for the engine's device.
+        maps = torch.cat(predictions, 1)[0].cpu()  # (7, 11, 11)
+        loc, cls1, cls2 = torch.split(maps, [each.shape[1] for each in predictions])
         frame_wh_px = (frame_bgr.shape[1], frame_bgr.shape[0])
         return decode(loc, cls1, cls2, self._box, scale, frame_wh_px, self.config, self._calibration, response)
 
