@@ -16,7 +16,7 @@ import numpy as np
 
 from control.image_rotation import Flow
 from gcs.clock import Clock
-from gcs.tracking import BoxTracker
+from gcs.tracking import BoxTracker, Learner
 from gcs.video import Frame, VideoSource
 from gcs.video.catch_up import CATCH_UP_S, next_frame
 from gcs.video.flow import BackgroundFlow
@@ -254,6 +254,15 @@ class Vision:
             frame = self._source.read(_READ_S)
             if frame is not None and not self._stop.is_set():
                 self._deliver(self.step(frame))
+                self._learn()
+
+    def _learn(self) -> None:
+        """Between this picture and the next: what commands wait for is out."""
+        try:
+            if isinstance(self._tracker, Learner):
+                self._tracker.learn()
+        except Exception:  # the edge of the tracker's thread; without this lesson it goes on
+            log.exception("tracker: learning")
 
     def close(self) -> None:
         """Stop the thread (waits for the frame under way) and close the video."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -29,6 +29,15 @@ class BoxTracker(Protocol):
 
     def look_at(self, cx_px: float, cy_px: float) -> None:
         """Where to look for it in the next frame, after an update that found it hidden."""
+        ...
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """A tracker that learns from a frame; it does so before the next update, or sooner, when asked."""
+
+    def learn(self) -> None:
+        """Now, while nobody waits for it."""
         ...
 
 

@@ -317,3 +317,32 @@ def test_a_recorded_video_is_not_read_ahead() -> None:
     vision.select(BOX, picture(3))
     assert vision.step(picture(5)).frame.seq == 5
     assert tracker.updated == [4, 5]
+
+
+class Learning(Tracker):
+    """Notes what it does, and fails in a lesson where told to."""
+
+    def __init__(self, did: list[str], fault: Exception | None) -> None:
+        super().__init__()
+        self.did, self.lesson_fault = did, fault
+
+    def update(self, frame_bgr: Image) -> TrackResult:
+        self.did.append("update")
+        return super().update(frame_bgr)
+
+    def learn(self) -> None:
+        self.did.append("learn")
+        if self.lesson_fault is not None:
+            raise self.lesson_fault
+
+
+@pytest.mark.parametrize("fault", [None, RuntimeError("no memory")])
+def test_a_lesson_comes_after_the_answer_is_out(fault: Exception | None) -> None:
+    did: list[str] = []
+    frames = [picture(seq) for seq in range(1, 4)]
+    vision = Vision(Source(frames), Learning(did, fault), FakeClock(), lambda seen: did.append("delivered"))
+    vision.select(BOX)
+    vision.start()
+    while vision._thread.is_alive():
+        vision._thread.join(0.1)
+    assert did == ["update", "delivered", "learn"] * 3
