@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from gcs.cli.parser import Commands, Parser, add_actions, add_command
 
+BENCH_GROUPS = (
+    "trackers",
+    "stages",
+    "age",
+    "growth",
+    "memory",
+)  # of gcs.benchmark.run, which must not be imported here
+
 
 def add(commands: Commands) -> None:
     """The commands."""
@@ -15,17 +23,30 @@ def _add_bench(commands: Commands) -> None:
     bench = add_command(
         commands, "bench", "how fast it is here, or how well it tracks",
         handler="gcs.cli.bench:speed",
-        more="Alone it measures speed and memory on this machine.",
+        more="Alone it measures speed and memory on this machine, side by side with other trackers: five minutes.",
         examples=(
             "gcs bench",
+            "gcs bench --quick --only trackers stages",
+            "gcs bench --nano nanotrack_backbone_sim.onnx nanotrack_head_sim.onnx",
             "gcs bench track UAV123_10fps --results boxes --jobs 4",
             "gcs bench score UAV123_10fps --results AutoTrack=boxes/autotrack",
         ),
     )  # fmt: skip
-    bench.add_argument("--json", action="store_true", help="one JSON line")
+    _add_bench_speed(bench)
     kinds = add_actions(bench, "KIND", required=False)
     _add_bench_track(kinds)
     _add_bench_score(kinds)
+
+
+def _add_bench_speed(p: Parser) -> None:
+    p.add_argument("--json", action="store_true", help="one JSON line")
+    p.add_argument("--out", metavar="DIR", default="out/bench", help="table, JSON and plot go there (out/bench)")
+    p.add_argument("--quick", action="store_true", help="less of everything: under a minute, and rougher")
+    p.add_argument("--only", nargs="+", choices=BENCH_GROUPS, metavar="GROUP", help=f"of {', '.join(BENCH_GROUPS)}")
+    p.add_argument("--nano", nargs=2, metavar=("BACKBONE", "HEAD"), help="networks of OpenCV's TrackerNano (.onnx)")
+    p.add_argument("--vit", metavar="FILE", help="network of OpenCV's TrackerVit (.onnx)")
+    p.add_argument("--no-contrib", action="store_true", help="without CSRT and KCF, which are installed aside by pip")
+    p.add_argument("--update-reference", action="store_true", help="what is measured now becomes the reference")
 
 
 def _add_bench_track(kinds: Commands) -> None:

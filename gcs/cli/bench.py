@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 
 def speed(args: argparse.Namespace) -> int:
     """What each stage costs on this machine."""
-    from gcs.bench import run
+    from gcs.benchmark.command import main
 
-    run(print, as_json=args.json)
-    return 0
+    return main(args, print, lambda text: print(text, file=sys.stderr))
 
 
 def track(args: argparse.Namespace) -> int:

@@ -1,0 +1,1 @@
+"""What it costs here: `gcs bench` measures everything that takes time, side by side in one run."""
