@@ -345,4 +345,5 @@ def test_a_lesson_comes_after_the_answer_is_out(fault: Exception | None) -> None
     vision.start()
     while vision._thread.is_alive():
         vision._thread.join(0.1)
-    assert did == ["update", "delivered", "learn"] * 3
+    # The first picture passes by while the selection catches up.
+    assert did == ["delivered", *(["update", "delivered", "learn"] * 2)]
