@@ -102,7 +102,7 @@ async def _demo(
     options: DemoOptions, screen: Screen, kept: FlightFolder, make: Callable[[Config], BoxTracker]
 ) -> Outcome:
     folder = kept.path
-    tracker = await asyncio.to_thread(make, Config())
+    tracker = await asyncio.to_thread(make, options.config)
     screen.say(f"simulator: {options.personality}, scenario {options.scenario}")
     async with simulator(
         folder,

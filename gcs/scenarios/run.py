@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Final
 
 from control.engagement import State
-from gcs.config import Config, GimbalConfig, TrackerConfig
+from gcs.config import Config, EngineName, GimbalConfig, TrackerConfig
 from gcs.errors import GcsError
 from gcs.flight_control import Wanted
 from gcs.flight_orders import Orders
@@ -147,7 +147,9 @@ def _eyes(scenario: Scenario, conditions: Conditions, stage: Stage) -> StageEyes
         stage=stage,
     )
     if isinstance(eyes, PaintedEyes):
-        eyes.tracker = JudgedTracker(eyes, make_tracker(TrackerConfig(threads=1)))
+        eyes.tracker = JudgedTracker(
+            eyes, make_tracker(TrackerConfig(weights="compact", engine=EngineName.TORCH, threads=1))
+        )
     else:
         eyes.tracker = ModelTracker(eyes, ModelConfig(noise_px=conditions.noise_px))
     return eyes
