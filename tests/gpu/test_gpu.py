@@ -132,6 +132,9 @@ def test_a_whole_track_on_the_gpu() -> None:
     network, frames = random_network(), measure.moving_thing(8)
     config = TrackerConfig(latent=LatentProvider.CLIMNET, filter_weight=0.2)
     engine = CudaEngine(network, Precision.FP32, torch.device("cuda"))
+    engine.warm_up(config)
+    recorded = [len(steps._recordings) for steps in (engine._embed, engine._imagine, engine._compare)]
     found, wanted = (measure.track(e, config, frames) for e in (engine, EagerEngine(network)))
     assert measure.farthest_px(found, wanted) < 0.1
     assert engine._frame.uploads == len(frames)
+    assert [len(steps._recordings) for steps in (engine._embed, engine._imagine, engine._compare)] == recorded

@@ -29,6 +29,12 @@ def test_in_fp32_it_tracks_as_the_reference_engine(tiny: ClimRT) -> None:
     assert track(CudaEngine(tiny, Precision.FP32)) == track(EagerEngine(tiny))
 
 
+def test_warming_up_changes_nothing(tiny: ClimRT) -> None:
+    warm = CudaEngine(tiny, Precision.BF16)
+    warm.warm_up(TrackerConfig(latent=LatentProvider.CLIMNET))
+    assert track(warm) == track(CudaEngine(tiny, Precision.BF16))
+
+
 @pytest.mark.parametrize("precision", Precision)
 def test_names_types_and_shapes(tiny: ClimRT, precision: Precision) -> None:
     engine = CudaEngine(tiny, precision)

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tracker.configs import LatentProvider, TrackerConfig
 from tracker.crop import Colour, Image
 from tracker.engines.device_crop import Plan, cut, plan_crop, used_window
 from tracker.engines.engine import Patch
@@ -41,6 +42,16 @@ class CudaEngine:
         self._embed = Replayed(self._embedded, self._device, rounds=rounds)
         self._imagine = Replayed(self._imagined, self._device, rounds=rounds)
         self._compare = Replayed(self._compared, self._device)
+
+    def warm_up(self, config: TrackerConfig) -> None:
+        """Record what a tracker so configured will ask for, which takes seconds, before a frame has to wait for it."""
+        template, patch = (
+            torch.zeros(1, side_px, side_px, 3, dtype=torch.uint8, device=self._device)
+            for side_px in (config.exemplar_px, config.search_px)
+        )
+        features = self.embed(patch)
+        latent5 = self.imagine(patch, patch) if config.latent is LatentProvider.CLIMNET else features[-1]
+        self.compare(features, self.embed(template), latent5)
 
     @torch.inference_mode()
     def cut(self, frame_bgr: Image, cx_px: float, cy_px: float, side_px: int, out_px: int, fill: Colour) -> Patch:
