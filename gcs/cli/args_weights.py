@@ -1,4 +1,4 @@
-"""Arguments of `gcs weights`: import, info, train, calibrate, ablate."""
+"""Arguments of `gcs weights`: import, info, export, train, calibrate, ablate."""
 
 from __future__ import annotations
 
@@ -12,11 +12,16 @@ _TRAIN: Final = (
     "weights train ...)."
 )
 
+_EXPORT: Final = (
+    "Graphs of fixed shapes, batch 1: embed-127 and embed-287 (patch to features), compare (features to maps), and "
+    "between where there is a ClimNet (two patches to the latent frame). Patches are uint8 (1, S, S, 3) BGR."
+)
+
 
 def add(commands: Commands) -> None:
     """The command and its actions."""
     weights = add_command(
-        commands, "weights", "import, inspect or train the tracker's weights",
+        commands, "weights", "import, inspect, export or train the tracker's weights",
         examples=(
             "gcs weights info",
             "gcs weights import t_best.pth --out full.safetensors",
@@ -26,6 +31,7 @@ def add(commands: Commands) -> None:
     actions = add_actions(weights)
     _add_import(actions)
     _add_info(actions)
+    _add_export(actions)
     _add_train(actions)
     _add_ablate(actions)
     _add_calibrate(actions)
@@ -49,6 +55,26 @@ def _add_info(actions: Commands) -> None:
         handler="gcs.cli.weights:info", examples=("gcs weights info", "gcs weights info full.safetensors"),
     )  # fmt: skip
     p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE", help="default: compact")
+
+
+def _add_export(actions: Commands) -> None:
+    p = add_command(
+        actions, "export", "write the network for other runtimes",
+        handler="gcs.cli.weights_export:export_weights", more=_EXPORT,
+        examples=(
+            "gcs weights export compact --to onnx --out graphs",
+            "gcs weights export compact --out graphs-int8 --int8 --frames car.mp4 walk.mp4",
+        ),
+    )  # fmt: skip
+    p.add_argument("weights", nargs="?", default="compact", metavar="NAME|FILE", help="default: compact")
+    p.add_argument("--to", choices=("onnx", "openvino"), default="onnx", help="form of the graphs (default: onnx)")
+    p.add_argument("--out", metavar="DIR", required=True, help="folder for the graphs and export.json")
+    p.add_argument("--int8", action="store_true", help="the backbone in 8 bits, calibrated on --frames")
+    text = "videos to calibrate on, each with its boxes (x,y,w,h a line) in the .txt of the same name"
+    p.add_argument("--frames", nargs="+", default=[], metavar="VIDEO", help=text)
+    p.add_argument("--patches", type=int, default=320, metavar="N", help="cut from those frames (default: 320)")
+    text = "how ranges follow from the values seen (default: percentile)"
+    p.add_argument("--calibration", choices=("minmax", "entropy", "percentile"), default="percentile", help=text)
 
 
 def _add_train(actions: Commands) -> None:

@@ -6,7 +6,7 @@ import io
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor, nn
@@ -30,16 +30,16 @@ class Graphs:
     """One network as serialised ONNX models; batch 1 and all sizes fixed.
 
     embed: by side S of the patch: patch (1, S, S, 3) uint8 BGR to its features, layer 5 last.
-    compare: features of the search patch, features of the template, layer 5 of the latent frame, to loc, cls1, cls2.
+    compare: compare_inputs to loc, cls1, cls2; without those that the variant does not use.
     between: two search patches (1, S, S, 3) uint8 to the one that ClimNet draws between them, cut to grey levels
     as the authors', uint8 of the same shape; None without ClimNet. Its features are embed's business.
     precision: f32, or int8 where embed is quantised.
     """
 
     network: NetworkConfig
-    embed: Mapping[int, bytes]
-    compare: bytes
-    between: bytes | None
+    embed: Mapping[int, bytes] = field(repr=False)
+    compare: bytes = field(repr=False)
+    between: bytes | None = field(repr=False)
     precision: str = FLOAT32
 
     def files(self) -> dict[str, bytes]:
@@ -70,7 +70,7 @@ class _Compare(nn.Module):
         self.grader = grader
 
     def forward(self, *features: Tensor) -> tuple[Tensor, ...]:
-        """Search, template (each as many layers), latent5, to loc, cls1, cls2."""
+        """Search, template (each as many layers) and latent5, to loc, cls1, cls2."""
         layers = len(features) // 2
         return tuple(self.grader(features[:layers], features[layers : 2 * layers], features[-1]))
 
@@ -97,25 +97,39 @@ def _planes(patch: Tensor) -> Tensor:
     return patch.permute(0, 3, 1, 2).float()  # (1, 3, S, S)
 
 
+def layer_names(count: int) -> tuple[str, ...]:
+    """Names of the last layers of the backbone."""
+    return ("layer3", "layer4", "layer5")[-count:]
+
+
+def compare_inputs(search: Features, template: Features, latent5: Tensor) -> dict[str, Tensor]:
+    """What compare is given, under the names of its graph's inputs."""
+    layers = layer_names(len(search))
+    return {
+        **{f"search_{layer}": tensor for layer, tensor in zip(layers, search, strict=True)},
+        **{f"template_{layer}": tensor for layer, tensor in zip(layers, template, strict=True)},
+        "latent_layer5": latent5,
+    }
+
+
 def export(network: ClimRT, *, climnet: bool = True) -> Graphs:
     """The graphs of a network as trained. climnet=False leaves ClimNet out, where no latent frame will be drawn."""
     ready = for_inference(network).cpu()
     _activate_first(ready.backbone)
-    layers = ("layer3", "layer4", "layer5") if ready.backbone.gives_layer3 else ("layer4", "layer5")
+    layers = layer_names(3 if ready.backbone.gives_layer3 else 2)
     with _tracing():
         embed, features = {}, {}
         for side_px in SIDES_PX:
             patch = torch.zeros(1, side_px, side_px, 3, dtype=torch.uint8)
-            embed[side_px] = _traced(_Embed(ready.backbone), (patch,), ["patch"], layers)
+            embed[side_px] = _traced(_Embed(ready.backbone), (patch,), ("patch",), layers)
             features[side_px] = ready.backbone(_planes(patch))
         search, template = features[SEARCH_PX], features[SIDES_PX[0]]
-        inputs = [*(f"search_{layer}" for layer in layers), *(f"template_{layer}" for layer in layers), "latent_layer5"]
-        latent5 = search[-1].clone()  # an input of its own, though of the same values here
-        compare = _traced(_Compare(ready.grader), (*search, *template, latent5), inputs, ["loc", "cls1", "cls2"])
+        inputs = compare_inputs(search, template, search[-1].clone())  # tensors of their own, whatever their values
+        compare = _traced(_Compare(ready.grader), (*inputs.values(),), (*inputs,), ("loc", "cls1", "cls2"))
         between = None
         if climnet and ready.internet is not None:
             # ClimNet has no fixed sizes: a small patch traces the same graph, but a large one states its shapes.
-            between = _traced(_Between(ready.internet), (patch, patch.clone()), ["earlier", "current"], ["between"])
+            between = _traced(_Between(ready.internet), (patch, patch.clone()), ("earlier", "current"), ("between",))
     return Graphs(network.config, embed, compare, between)
 
 

@@ -19,23 +19,29 @@ _EMBED = "embed-"
 
 
 def write_graphs(folder: str | Path, graphs: Graphs, extra: Mapping[str, Any] | None = None) -> Path:
-    """Write the graphs and their manifest, last; returns its path. extra: JSON values that go into it."""
+    """Write the graphs as ONNX and their manifest; returns its path. extra: JSON values that go into it."""
+    return write_files(folder, graphs, graphs.files(), extra or {})
+
+
+def write_files(folder: str | Path, graphs: Graphs, files: Mapping[str, bytes], extra: Mapping[str, Any]) -> Path:
+    """The same for graphs in another form than ONNX. Raises EngineError for a folder that cannot be written."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    files = graphs.files()
-    for name, graph in files.items():
-        _write(folder / name, graph)
     manifest = {
         "format": FORMAT,
         "precision": graphs.precision,
         "opset": OPSET,
         "network": graphs.network.to_dict(),
-        "files": {name: {"bytes": len(graph), "sha256": sha256(graph)} for name, graph in files.items()},
-        **(extra or {}),
+        "files": {name: {"bytes": len(content), "sha256": sha256(content)} for name, content in files.items()},
+        **extra,
     }
-    path = folder / MANIFEST
-    _write(path, (json.dumps(manifest, indent=2) + "\n").encode())
-    return path
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            _write(folder / name, content)
+        _write(folder / MANIFEST, (json.dumps(manifest, indent=2) + "\n").encode())  # last: now all is there
+    except OSError as error:
+        raise EngineError(f"{error.filename or folder}: {(error.strerror or str(error)).lower()}") from error
+    return folder / MANIFEST
 
 
 def read_graphs(folder: str | Path) -> Graphs:
@@ -46,10 +52,12 @@ def read_graphs(folder: str | Path) -> Graphs:
         values = json.loads(source.read_text(encoding="utf-8"))
         if not isinstance(values, dict) or values.get("format") != FORMAT:
             raise EngineError(f"{source}: is not a {FORMAT} manifest")
-        files = {str(name): _read(folder / name, str(entry["sha256"])) for name, entry in values["files"].items()}
+        files = {name: _read(folder, name, str(entry["sha256"])) for name, entry in values["files"].items()}
         precision = values["precision"]
         if precision not in (FLOAT32, INT8):
             raise EngineError(f"{source}: precision {str(precision)[:40]!r}: must be {FLOAT32} or {INT8}")
+        if "compare.onnx" not in files:
+            raise EngineError(f"{source}: lists no compare.onnx: exported for another runtime, or not whole")
         embed = {int(name[len(_EMBED) : -5]): graph for name, graph in files.items() if name.startswith(_EMBED)}
         network = NetworkConfig.from_dict(values["network"])
         return Graphs(network, embed, files["compare.onnx"], files.get("between.onnx"), precision)
@@ -61,8 +69,9 @@ def read_graphs(folder: str | Path) -> Graphs:
         raise EngineError(f"{source}: is incomplete or malformed: {error}") from error
 
 
-def _read(path: Path, wanted: str) -> bytes:
-    if path.name != path.relative_to(path.parent).as_posix():
+def _read(folder: Path, name: str, wanted: str) -> bytes:
+    path = folder / name
+    if Path(name).name != name:
         raise EngineError(f"{path}: must be a file in the manifest's own folder")
     try:
         graph = path.read_bytes()

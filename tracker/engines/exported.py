@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar, Self, TypeAlias
@@ -15,13 +15,14 @@ from torch import Tensor
 
 from tracker.crop import Colour, Image, crop
 from tracker.engines.engine import EngineError, Patch
-from tracker.engines.export import FLOAT32, Graphs, export
+from tracker.engines.export import FLOAT32, Graphs, compare_inputs, export
 from tracker.engines.export_files import read_graphs
 from tracker.network.climrt import ClimRT, Features
 from tracker.network.heads import Predictions
 
 Array: TypeAlias = NDArray[Any]
-Run = Callable[[Sequence[Array]], list[Array]]  # inputs in the graph's order to outputs that are the caller's
+# Inputs by name, of which the graph may know only some, to outputs in its order that are the caller's.
+Run = Callable[[Mapping[str, Array]], list[Array]]
 
 
 class ExportedEngine:
@@ -36,7 +37,7 @@ class ExportedEngine:
         """
         if threads < 1:
             raise EngineError(f"engine {self.runtime}: threads {threads}: must be 1 or more")
-        self._module = self._imported()
+        self._module = self.imported()
         self.threads = threads
         graphs = export(network, climnet=climnet) if isinstance(network, ClimRT) else network
         self.name = self.runtime if graphs.precision == FLOAT32 else f"{self.runtime}-{graphs.precision}"
@@ -51,7 +52,8 @@ class ExportedEngine:
         return cls(read_graphs(folder), threads=threads, climnet=climnet)
 
     @classmethod
-    def _imported(cls) -> ModuleType:
+    def imported(cls) -> ModuleType:
+        """The runtime's package. Raises EngineError where it is missing."""
         try:
             return importlib.import_module(cls.runtime)
         except ImportError as error:
@@ -82,11 +84,11 @@ class ExportedEngine:
         if run is None:
             sizes = " and ".join(map(str, self._embed))
             raise EngineError(f"engine {self.name}: a patch of {patch.shape[1]} px: its graphs are for {sizes} px")
-        return _tensors(run(_arrays(patch)))
+        return _tensors(run(_arrays({"patch": patch})))
 
     def compare(self, search: Features, template: Features, latent5: Tensor) -> Predictions:
         """See Engine."""
-        return Predictions(*_tensors(self._compare(_arrays(*search, *template, latent5))))
+        return Predictions(*_tensors(self._compare(_arrays(compare_inputs(search, template, latent5)))))
 
     def imagine(self, earlier: Patch, current: Patch) -> Tensor:
         """See Engine."""
@@ -95,7 +97,7 @@ class ExportedEngine:
     def between(self, earlier: Patch, current: Patch) -> Patch:
         """The latent frame itself: what ClimNet draws between two search patches."""
         assert self._between is not None, "has_climnet says whether this may be asked"
-        return _tensors(self._between(_arrays(earlier, current)))[0]
+        return _tensors(self._between(_arrays({"earlier": earlier, "current": current})))[0]
 
 
 def missing(what: str, package: str, extra: str) -> str:
@@ -103,9 +105,9 @@ def missing(what: str, package: str, extra: str) -> str:
     return f"{what}: the package {package} is not installed: pip install 'climrt-gcs[{extra}]'"
 
 
-def _arrays(*tensors: Tensor) -> list[Array]:
+def _arrays(tensors: Mapping[str, Tensor]) -> dict[str, Array]:
     # Another engine's features may lie channels-last in memory; these runtimes take what they are declared to get.
-    return [np.ascontiguousarray(tensor.numpy()) for tensor in tensors]
+    return {name: np.ascontiguousarray(tensor.numpy()) for name, tensor in tensors.items()}
 
 
 def _tensors(arrays: Sequence[Array]) -> tuple[Tensor, ...]:

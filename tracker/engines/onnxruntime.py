@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from tracker.engines.exported import Array, ExportedEngine, Run
 
@@ -28,8 +28,8 @@ class ONNXRuntimeEngine(ExportedEngine):
         session = self._module.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
         names = [each.name for each in session.get_inputs()]
 
-        def run(inputs: Sequence[Array]) -> list[Array]:
-            results: list[Array] = session.run(None, dict(zip(names, inputs, strict=True)))
+        def run(inputs: Mapping[str, Array]) -> list[Array]:
+            results: list[Array] = session.run(None, {name: inputs[name] for name in names})
             return results
 
         return run

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
 
 from tracker.engines.exported import Array, ExportedEngine, Run
 
@@ -12,13 +16,22 @@ class OpenVINOEngine(ExportedEngine):
 
     runtime = "openvino"
 
-    def _compile(self, graph: bytes) -> Run:
-        # Core reads models itself; openvino.convert_model, which would, is also what reports usage to its makers.
-        core = self._module.Core()
-        request = core.compile_model(core.read_model(graph), "CPU", _properties(self.threads)).create_infer_request()
+    @classmethod
+    def imported(cls) -> ModuleType:
+        """See ExportedEngine."""
+        # At its very import OpenVINO tells Google Analytics of it, unless the package that does so is not to be had.
+        sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
+        return super().imported()
 
-        def run(inputs: Sequence[Array]) -> list[Array]:
-            results = request.infer(inputs, share_inputs=True, share_outputs=True)
+    def _compile(self, graph: bytes) -> Run:
+        core = self._module.Core()
+        compiled = core.compile_model(core.read_model(graph), "CPU", _properties(self.threads))
+        request = compiled.create_infer_request()
+        ports = [port.get_names() for port in compiled.inputs]  # each its own and its optimised-away neighbours'
+
+        def run(inputs: Mapping[str, Array]) -> list[Array]:
+            wanted = [next(array for name, array in inputs.items() if name in names) for names in ports]
+            results = request.infer(wanted, share_inputs=True, share_outputs=True)
             return [array.copy() for array in results.values()]  # the next run writes into these
 
         return run
@@ -32,3 +45,16 @@ def _properties(threads: int) -> dict[str, object]:
         "INFERENCE_PRECISION_HINT": "f32",  # some CPUs would take bfloat16
         "ENABLE_CPU_PINNING": False,  # decoding and the rest share these cores: the system knows which is free
     }
+
+
+def as_ir(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Graphs NAME.onnx in OpenVINO's own form, each NAME.xml and NAME.bin, weights as they are. Raises EngineError."""
+    openvino = OpenVINOEngine.imported()
+    core = openvino.Core()
+    converted: dict[str, bytes] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, graph in files.items():
+            path = Path(folder) / Path(name).with_suffix(".xml")
+            openvino.save_model(core.read_model(graph), path, compress_to_fp16=False)
+            converted |= {part.name: part.read_bytes() for part in (path, path.with_suffix(".bin"))}
+    return converted

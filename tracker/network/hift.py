@@ -5,6 +5,8 @@ All sequences are (B, S, C), S = 121 grid cells row by row, C = hidden channels.
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -50,7 +52,7 @@ class HiFTEncoderLayer(nn.Module):
 
     def forward(self, m3: Tensor, m4: Tensor) -> Tensor:
         """Sequences (B, S, C) of layers 3 and 4, positions added, to the memory (B, S, C)."""
-        side = round(m3.shape[1] ** 0.5)
+        side = math.isqrt(int(m3.shape[1]))
         query = self.norm0(m3 + m4)  # (B, S, C)
         s = self.norm1(m3 + self.self_attn(query, query, m3, need_weights=False)[0])  # (B, S, C)
         maps = [as_maps(sequence, side, side, self.legacy_layout) for sequence in (s, m4)]  # 2 x (B, C, H, W)
