@@ -22,7 +22,7 @@ ENGINES: Final = (TORCH, *EXPORTED, *ON_DEVICE)
 
 
 def available_engines() -> list[str]:
-    """Those whose package, or device, is there; on a GPU in the precision that is fastest within the stated limits."""
+    """Those whose package, or device, is there; on a GPU in half precision, the nearest to the reference."""
     found = [name for name in EXPORTED if importlib.util.find_spec(name) is not None]
     return [TORCH, *found, *([f"cuda-{Precision.FP16.value}"] if torch.cuda.is_available() else [])]
 
