@@ -27,6 +27,7 @@ def _add_bench(commands: Commands) -> None:
         examples=(
             "gcs bench",
             "gcs bench --quick --only trackers stages",
+            "gcs bench --auto --fps 60",
             "gcs bench --nano nanotrack_backbone_sim.onnx nanotrack_head_sim.onnx",
             "gcs bench track UAV123_10fps --results boxes --jobs 4",
             "gcs bench score UAV123_10fps --results AutoTrack=boxes/autotrack",
@@ -46,6 +47,14 @@ def _add_bench_speed(p: Parser) -> None:
     p.add_argument("--nano", nargs=2, metavar=("BACKBONE", "HEAD"), help="networks of OpenCV's TrackerNano (.onnx)")
     p.add_argument("--vit", metavar="FILE", help="network of OpenCV's TrackerVit (.onnx)")
     p.add_argument("--no-contrib", action="store_true", help="without CSRT and KCF, which are installed aside by pip")
+    p.add_argument(
+        "--auto", action="store_true",
+        help="instead measure every way to track that runs here, and remember which is best: what gcs run, demo and"
+        " dry-run do by themselves the first time",
+    )  # fmt: skip
+    p.add_argument(
+        "--fps", type=float, default=30.0, metavar="F", help="with --auto: pictures a second to keep up with (30)"
+    )
     p.add_argument("--update-reference", action="store_true", help="what is measured now becomes the reference")
 
 

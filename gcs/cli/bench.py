@@ -21,9 +21,33 @@ if TYPE_CHECKING:
 
 def speed(args: argparse.Namespace) -> int:
     """What each stage costs on this machine."""
+    if args.auto:
+        return _auto(args)
     from gcs.benchmark.command import main
 
     return main(args, print, lambda text: print(text, file=sys.stderr))
+
+
+def _auto(args: argparse.Namespace) -> int:
+    """Measure the ways to track, remember them, say which is taken."""
+    import json
+
+    from gcs.config import TrackerConfig
+    from gcs.engine_choice.choice import choose_anew
+
+    if not (math.isfinite(args.fps) and 1 <= args.fps <= 240):
+        raise ConfigError(f"--fps {args.fps}: must be from 1 to 240")
+    measured, best = choose_anew(TrackerConfig(fps=args.fps), lambda text: print(one_line(text), file=sys.stderr))
+    if args.json:
+        rows = [
+            {"candidate": str(each.candidate), "update_ms": each.update_ms, "cpu_ms": each.cpu_ms} for each in measured
+        ]
+        print(json.dumps({"measured": rows, "chosen": str(best.candidate)}))
+        return 0
+    print(f"{'ms a picture':>14s}{'CPU ms':>9s}")
+    for each in measured:
+        print(f"{each.update_ms:14.1f}{each.cpu_ms:9.1f}  {each.candidate}{'  <- taken' if each == best else ''}")
+    return 0
 
 
 def track(args: argparse.Namespace) -> int:

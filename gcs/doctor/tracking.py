@@ -22,16 +22,23 @@ def tracker(question: Question, say: Say) -> Iterator[Result]:
     say("loading the tracker")
     # PyTorch costs seconds: not for the checks that do without.
     from gcs.tracking import make_tracker
+    from tracker.engines.engine import EngineError
+    from tracker.online import ClimRTTracker
     from tracker.weights import WeightsError
 
     choice, began_s = question.config.tracker, time.monotonic()
     try:
-        made = make_tracker(choice)
+        made = make_tracker(choice, say)
     except WeightsError as error:
         yield fail("weights", str(error), "name others: tracker.weights; `gcs weights info FILE` looks at one")
         return
+    except EngineError as error:
+        yield fail("engine", str(error), "leave out tracker.engine, or name another: torch runs everywhere")
+        return
     load_s = time.monotonic() - began_s
-    yield ok("weights", f"{choice.weights}: checksum right, loaded in {load_s:.1f} s", load_s=load_s)
+    loaded = made.loaded if isinstance(made, ClimRTTracker) else None
+    name = choice.weights if loaded is None else f"{loaded.weights} on {loaded.engine}"
+    yield ok("weights", f"{name}: checksum right, loaded in {load_s:.1f} s", load_s=load_s)
     say("timing the tracker")
     from gcs.benchmark.films import BOX, frame
     from gcs.benchmark.timing import measure
@@ -49,7 +56,7 @@ def judge_speed(median_ms: float, target_age_s: float) -> Result:
     """What it means that an update takes so long; target_age_s: older is unseen."""
     fps = 1000.0 / median_ms
     text = f"{median_ms:.0f} ms a picture: {fps:.0f} pictures a second at most"
-    fix = "use the `compact` weights, set tracker.threads to the number of cores, end other programs"
+    fix = "`gcs bench --auto` looks for the fastest way here; end other programs"
     figures = {"update_ms": median_ms, "fps": fps}
     if median_ms / 1000 > target_age_s / 2:  # every second picture alone is older than what is still seen
         return fail(_NAME, f"{text}, too few to follow with", fix, **figures)

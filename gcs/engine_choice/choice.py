@@ -40,24 +40,28 @@ def choose(measured: Sequence[Measured], fps: float, scores: Mapping[tuple[str, 
     return min(able, key=rank)
 
 
-def chosen(config: TrackerConfig, say: Say, *, anew: bool = False) -> TrackerConfig:
-    """The configuration with weights, engine, threads and latent provider decided; anew: measure again.
+def chosen(config: TrackerConfig, say: Say) -> TrackerConfig:
+    """The configuration with weights, engine, threads and latent provider decided, and said.
 
     Nothing is measured where the configuration leaves nothing open. Imports PyTorch, else.
     """
     if None not in (config.weights, config.engine, config.threads):
         return config
     candidates = _candidates(config)
-    known = {} if anew else {each.candidate: each for each in remembered()}
-    measured = [known[each] for each in candidates if each in known]
-    if not measured:
-        measured = _measure_all(candidates, say)
-        remember([*(each for each in known.values() if each.candidate not in candidates), *measured])
+    known = {each.candidate: each for each in remembered()}
+    measured = [known[each] for each in candidates if each in known] or _measure_all(candidates, say)
     best = choose(measured, config.fps, _scores(candidates))
     rate = f"{1000 / best.update_ms:.0f} pictures a second"
     slow = "" if best.update_ms <= 1000 / config.fps else f"; {config.fps:g} were wanted: a slower video, or a GPU"
     say(f"tracker: {best.candidate}: {best.update_ms:.1f} ms a picture here ({rate} at most{slow})")
     return applied(config, best.candidate)
+
+
+def choose_anew(config: TrackerConfig, say: Say) -> tuple[list[Measured], Measured]:
+    """Measure again, whatever is remembered: all that runs here, and the one to take."""
+    candidates = _candidates(config)
+    measured = _measure_all(candidates, say)
+    return measured, choose(measured, config.fps, _scores(candidates))
 
 
 def applied(config: TrackerConfig, candidate: Candidate) -> TrackerConfig:
@@ -120,7 +124,7 @@ def _scores(candidates: Sequence[Candidate]) -> dict[tuple[str, str | None], flo
 
 
 def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
-    """Each that runs; one that does not is said and left out."""
+    """Each that runs, kept for the next start; one that does not is said and left out."""
     measured = []
     say(f"measuring {len(candidates)} ways to track on this machine, once ...")
     for each in candidates:
@@ -128,4 +132,5 @@ def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
             measured.append(measure(each))
         except (ValueError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
             say(f"tracker: {each} does not run here: {one_line(error)}")
+    remember([*(each for each in remembered() if each.candidate not in candidates), *measured])
     return measured

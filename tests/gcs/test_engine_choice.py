@@ -7,7 +7,7 @@ import pytest
 
 from gcs.config import EngineName, Latent, TrackerConfig
 from gcs.engine_choice import choice, memory
-from gcs.engine_choice.choice import choose, chosen
+from gcs.engine_choice.choice import choose, choose_anew, chosen
 from gcs.engine_choice.measure import Candidate, Measured, measure
 from tracker.engines.engine import EngineError
 
@@ -90,8 +90,10 @@ def test_it_is_measured_once_and_said(cache: Path, measurements: list[Candidate]
     again = chosen(TrackerConfig(fps=40.0), said.append)
     assert again.threads == 2
     assert len(measurements) == 4
-    chosen(TrackerConfig(), said.append, anew=True)
+    measured, best = choose_anew(TrackerConfig(), said.append)
     assert len(measurements) == 8
+    assert [each.candidate.threads for each in measured] == [1, 2]
+    assert best == measured[1]
 
 
 def test_what_the_configuration_says_is_kept(cache: Path, measurements: list[Candidate]) -> None:
