@@ -9,6 +9,7 @@ from typing import Any
 from gcs.benchmark.results import Group, Results
 
 _OURS, _OTHERS = "tab:blue", "0.6"
+_REST = "beside the network"
 
 
 def plot(path: Path, results: Results) -> None:
@@ -43,7 +44,7 @@ def _trackers(axes: Any, group: Group) -> None:
     names = [figure.name for figure in figures]
     colours = [_OTHERS if name.startswith("OpenCV") else _OURS for name in names]
     bars = axes.barh(names, [figure.cost_ms for figure in figures], color=colours)
-    axes.bar_label(bars, [f" {figure.cost_ms:.3g}" for figure in figures], fontsize="small")
+    axes.bar_label(bars, [f" {figure.cost_ms:.1f}" for figure in figures], fontsize="small")
     axes.set(xscale="log", xlabel="CPU ms a picture (mean)", title=group.title)
     axes.margins(x=0.15)
 
@@ -54,9 +55,20 @@ def _roofline(axes: Any, results: Results) -> None:
     ridge = peak / bandwidth
     low, high = min(0.5, *intensity) / 2, max(4 * ridge, *intensity) * 2
     axes.plot([low, ridge, high], [low * bandwidth, peak, peak], color="black")
+    engines: dict[str, list[tuple[float, float]]] = {}
+    lowest: dict[str, tuple[float, float]] = {}
     for point, x in zip(results.roofline, intensity, strict=True):
-        axes.plot(x, point.gflops, "o", color=_OURS)
-        axes.annotate(point.stage, (x, point.gflops), fontsize="xx-small", rotation=20, va="bottom")
+        stage, _, engine = point.stage.rpartition(", ")
+        engines.setdefault(engine if ": " in stage else _REST, []).append((x, point.gflops))
+        name = stage if ": " in stage else point.stage
+        lowest[name] = (x, min(point.gflops, lowest.get(name, (x, peak))[1]))
+    for engine, places in engines.items():
+        axes.plot(*zip(*places, strict=True), "o", label=engine, alpha=0.8)
+    for name, place in lowest.items():
+        axes.annotate(
+            name, place, (0, -6), textcoords="offset points", fontsize="x-small", rotation=90, ha="center", va="top"
+        )
+    axes.legend(fontsize="small", loc="lower right")
     axes.set(xscale="log", yscale="log", xlabel="FLOP a byte moved", ylabel="GFLOP/s, one thread", title="roofline")
 
 

@@ -11,6 +11,7 @@ from gcs.benchmark.published import FIGURES
 from gcs.benchmark.results import Group, Machine, Results
 from gcs.benchmark.roofline import Point
 
+_QUIET_LOAD = 0.5  # of the minute before
 _AGE = (
     "Age of the newest picture that a setpoint was made from, from its arrival (coded) to the setpoint at the vehicle; "
     "that includes waiting for the 20 Hz tick. Answer: from arrival to the tracker's box. The parts after it are of "
@@ -20,6 +21,16 @@ _AGE = (
 _COUNTED = (
     "CPU time is that of all threads together. Mean and rate are over all pictures: some cost more, as every fifth "
     "(the filter learns) and every tenth (the re-detection does). x: mean CPU time in units of the first line's."
+)
+
+_BOUND = (
+    "MB: what PyTorch's operations read and write one after the other; an engine that fuses moves less. Bound by what "
+    "would take more than half of the time at the measured ceiling; overhead: neither does, so it is many small "
+    "operations, copies between layouts, or kernels that fall short."
+)
+_BUSY = (
+    "**Other programs were running.** CPU times and ratios of one thread hold; times on the wall's clock, ages and "
+    "everything with more threads are worse than they would be alone."
 )
 
 
@@ -70,7 +81,10 @@ def _head(results: Results) -> Iterator[str]:
     yield "# What it costs here"
     yield ""
     yield ", ".join(str(value) if name == "cpu" else f"{name} {value}" for name, value in facts.items())
-    yield f"{results.seconds:.0f} s in all; load of the machine before and after: {load}"
+    parts = ", ".join(f"{name} {seconds:.0f}" for name, seconds in results.seconds.items())
+    yield f"{sum(results.seconds.values()):.0f} s in all ({parts}); load of the machine before and after: {load}"
+    if results.machine.load and results.machine.load[0] > _QUIET_LOAD:
+        yield from ("", _BUSY)
 
 
 def _trackers(groups: Sequence[Group]) -> Iterator[str]:

@@ -18,7 +18,7 @@ FORMAT = "gcs-bench/1"
 
 @dataclass(slots=True)
 class Group:
-    """Cases that took turns with the reference tracker, itself one of them. shown_ratio: of each, to it."""
+    """Cases that took turns with the reference tracker; it stands among those of the first group of trackers."""
 
     title: str
     figures: list[Figure]
@@ -26,8 +26,11 @@ class Group:
 
     @property
     def ratios(self) -> dict[str, float]:
-        """CPU time of each in units of the reference tracker's; the reference itself is left out."""
-        return ratios(self.figures, self.reference)
+        """CPU time of each at one thread in units of the reference tracker's, which itself is left out.
+
+        With more threads it says little: those that wait for each other burn time as long as others keep them waiting.
+        """
+        return ratios((figure for figure in self.figures if figure.threads == 1), self.reference)
 
 
 @dataclass(slots=True)
@@ -43,7 +46,7 @@ class Machine:
 
 @dataclass(slots=True)
 class Results:
-    """seconds: the whole run took. notes: what could not be measured, and why."""
+    """seconds: each part of the run took. notes: what could not be measured, and why."""
 
     machine: Machine = field(default_factory=Machine)
     trackers: list[Group] = field(default_factory=list)
@@ -55,7 +58,7 @@ class Results:
     memory_mib: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
-    seconds: float = 0.0
+    seconds: dict[str, float] = field(default_factory=dict)
 
     def groups(self) -> Iterator[Group]:
         """All that have ratios."""
@@ -63,7 +66,7 @@ class Results:
 
     def ratios(self) -> dict[str, dict[str, float]]:
         """By group and name."""
-        return {group.title: group.ratios for group in self.groups()}
+        return {group.title: group.ratios for group in self.groups() if group.ratios}
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""

@@ -56,9 +56,9 @@ def _point(stage: str, work: Work, ms: float, peak_gflops: float, bandwidth_gbps
 
 
 def bound_by(ms: float, compute_ms: float, memory_ms: float) -> str:
-    """What explains most of the time; where nothing explains half of it, it is the many small operations."""
+    """What explains most of the time; where nothing explains half of it: overhead, of many small operations mostly."""
     most, name = max((compute_ms, "multiply-adds"), (memory_ms, "memory"))
-    return name if most >= _CLEARLY * ms else "small operations"
+    return name if most >= _CLEARLY * ms else "overhead"
 
 
 def _works() -> Iterator[tuple[str, Work]]:

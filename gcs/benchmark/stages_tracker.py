@@ -20,7 +20,7 @@ from tracker.engines.engine import Engine, Patch
 from tracker.redetect import Redetector
 
 EMBED, TEMPLATE, COMPARE, IMAGINE = "embed 287 px", "embed 127 px", "compare", "imagine (ClimNet)"
-LESSON, RESPONSE = "filter: lesson, every 5th frame", "filter: response"
+LESSON, RESPONSE = "filter lesson, every 5th frame", "filter response"
 
 
 def cases(*, quick: bool) -> Iterator[Case]:

@@ -156,7 +156,7 @@ def test_the_worker_answers_with_times(tmp_path: Path) -> None:
 def test_what_binds_a_stage() -> None:
     assert roofline.bound_by(10.0, compute_ms=8.0, memory_ms=1.0) == "multiply-adds"
     assert roofline.bound_by(10.0, compute_ms=1.0, memory_ms=6.0) == "memory"
-    assert roofline.bound_by(10.0, compute_ms=1.0, memory_ms=2.0) == "small operations"
+    assert roofline.bound_by(10.0, compute_ms=1.0, memory_ms=2.0) == "overhead"
 
 
 def test_bytes_are_those_that_operations_read_and_write() -> None:
@@ -212,7 +212,7 @@ def test_everything_found_is_told_and_drawn(tmp_path: Path) -> None:
         memory_mib={"tracker": 400.0},
         notes=["OpenCV Nano: no such file: x"],
         changes=[reference.Change("stages", "HUD", 0.2, 0.1)],
-        seconds=3.0,
+        seconds={"trackers": 3.0},
     )
     text = markdown(results)
     assert "| compact, torch |" in text
