@@ -128,21 +128,25 @@ def export(network: ClimRT, *, climnet: bool = True) -> Graphs:
         compare = _traced(_Compare(ready.grader), (*inputs.values(),), (*inputs,), ("loc", "cls1", "cls2"))
         between = None
         if climnet and ready.internet is not None:
-            # ClimNet has no fixed sizes: a small patch traces the same graph, but a large one states its shapes.
             between = _traced(_Between(ready.internet), (patch, patch.clone()), ("earlier", "current"), ("between",))
     return Graphs(network.config, embed, compare, between)
 
 
 @contextmanager
 def _tracing() -> Iterator[None]:
-    """Attention in its written-out form, no gradients, and none of the exporter's remarks on its own future."""
-    was_fast = torch.backends.mha.get_fastpath_enabled()
+    """Attention in its written-out form, no gradients, and none of the exporter's remarks on its own future.
+
+    On one thread: it folds thousands of small tensors, over which several threads wait for each other (5 s for 0.5).
+    """
+    was_fast, threads = torch.backends.mha.get_fastpath_enabled(), torch.get_num_threads()
     torch.backends.mha.set_fastpath_enabled(False)
+    torch.set_num_threads(1)
     try:
         with torch.no_grad(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
+        torch.set_num_threads(threads)
         torch.backends.mha.set_fastpath_enabled(was_fast)
 
 
