@@ -49,10 +49,13 @@ def _in_int8(args: argparse.Namespace, graphs: Graphs, config: TrackerConfig) ->
 
     if args.patches < 1:
         raise ConfigError(f"--patches {args.patches}: must be 1 or more")
+    if not 1 <= args.layers <= 5:
+        raise ConfigError(f"--layers {args.layers}: must be in 1..5")
     videos = footage([Path(video) for video in args.frames])
     with tqdm(total=sum(map(len, videos)), desc="frames", unit="", leave=False) as bar:
         patches = search_patches(videos, args.patches, config, bar.update)
     print(f"calibrating on {len(patches)} patches ...", file=sys.stderr)
     method = Calibration[args.calibration.upper()]
-    facts = {"method": args.calibration, "patches": len(patches), "videos": [video.frames.name for video in videos]}
-    return quantised(graphs, patches, method), facts
+    names = [video.frames.name for video in videos]
+    facts = {"layers": args.layers, "method": args.calibration, "patches": len(patches), "videos": names}
+    return quantised(graphs, patches, method, args.layers), facts

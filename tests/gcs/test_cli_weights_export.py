@@ -60,7 +60,7 @@ def test_eight_bits_from_footage(weights: str, tmp_path: Path) -> None:
     assert cli.main(["weights", "export", *argv]) == 0
     assert read_graphs(tmp_path / "q").precision == "int8"
     manifest = json.loads((tmp_path / "q" / "export.json").read_text())
-    assert manifest["calibration"] == {"method": "percentile", "patches": 5, "videos": ["a.mp4"]}
+    assert manifest["calibration"] == {"layers": 2, "method": "minmax", "patches": 5, "videos": ["a.mp4"]}
 
 
 def test_refusals_are_one_line(weights: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,6 +75,7 @@ def test_refusals_are_one_line(weights: str, tmp_path: Path, capsys: pytest.Capt
     assert "none.txt: no such file of boxes" in refused(capsys, *int8, str(tmp_path / "none.mp4"))
     video(tmp_path / "a.mp4")
     assert "--patches 0: must be 1 or more" in refused(capsys, *int8, str(tmp_path / "a.mp4"), "--patches", "0")
+    assert "--layers 6: must be in 1..5" in refused(capsys, *int8, str(tmp_path / "a.mp4"), "--layers", "6")
     (tmp_path / "a.mp4").write_bytes(b"no video")
     assert "not a video that can be read" in refused(capsys, *int8, str(tmp_path / "a.mp4"))
     damaged = Path(weights)
