@@ -53,7 +53,7 @@ def _roofline(axes: Any, results: Results) -> None:
     peak, bandwidth = results.machine.peak_gflops[1], results.machine.bandwidth_gbps or 1.0
     intensity = [2e3 * point.gmac / point.mb for point in results.roofline]
     ridge = peak / bandwidth
-    low, high = min(0.5, *intensity) / 2, max(4 * ridge, *intensity) * 2
+    low, high = min(ridge, *intensity) / 2, max(ridge, *intensity) * 2
     axes.plot([low, ridge, high], [low * bandwidth, peak, peak], color="black")
     engines: dict[str, list[tuple[float, float]]] = {}
     lowest: dict[str, tuple[float, float]] = {}
@@ -68,6 +68,7 @@ def _roofline(axes: Any, results: Results) -> None:
         axes.annotate(
             name, place, (0, -6), textcoords="offset points", fontsize="x-small", rotation=90, ha="center", va="top"
         )
+    axes.margins(y=0.2)
     axes.legend(fontsize="small", loc="lower right")
     axes.set(xscale="log", yscale="log", xlabel="FLOP a byte moved", ylabel="GFLOP/s, one thread", title="roofline")
 
