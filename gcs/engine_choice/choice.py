@@ -125,13 +125,20 @@ def _scores(candidates: Sequence[Candidate]) -> dict[tuple[str, str | None], flo
 
 
 def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
-    """Each that runs, kept for the next start; one that does not is said and left out."""
+    """Each that runs, kept for the next start; an engine that does not is said and left out.
+
+    Raises WeightsError; EngineError where none runs.
+    """
+    from tracker.engines.engine import EngineError
+
     measured = []
     say(f"measuring {len(candidates)} ways to track on this machine, once ...")
     for each in candidates:
         try:
             measured.append(measure(each))
-        except (ValueError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
+        except (EngineError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
             say(f"tracker: {each} does not run here: {one_line(error)}")
+    if not measured:
+        raise EngineError(f"none of the {len(candidates)} ways to track runs here")
     remember([*(each for each in remembered() if each.candidate not in candidates), *measured])
     return measured

@@ -24,11 +24,10 @@ HEAVY = ("torch", "cv2", "numpy", "mavsdk", "pymavlink", "scipy", "matplotlib", 
 def colour(monkeypatch: pytest.MonkeyPatch) -> None:
     """`gcs dry-run` with the clips' own tracker instead of a network."""
 
-    def factory(choice: TrackerChoice) -> BoxTracker:
+    def factory(choice: TrackerChoice, say: object) -> BoxTracker:
         return ColourTracker()
 
-    real = cli_dryrun.run
-    monkeypatch.setattr(cli_dryrun, "run", lambda *args, **kw: real(*args, tracker_factory=factory, **kw))
+    monkeypatch.setattr(cli_dryrun, "make_tracker", factory)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *argv: str) -> str:

@@ -10,6 +10,7 @@ from gcs.engine_choice import choice, memory
 from gcs.engine_choice.choice import choose, choose_anew, chosen
 from gcs.engine_choice.measure import Candidate, Measured, measure
 from tracker.engines.engine import EngineError
+from tracker.weights import WeightsError
 
 SCORES = {("full", None): 0.7, ("compact", None): 0.5, ("compact", "climnet"): 0.6}
 
@@ -130,6 +131,22 @@ def test_a_memory_that_cannot_be_written_is_said(
     monkeypatch.setenv("CLIMRT_CACHE", str(tmp_path / "file"))
     assert chosen(TrackerConfig(), lambda _: None).weights == "compact"
     assert "not remembered" in caplog.text
+
+
+def test_bad_weights_are_told_at_once_and_not_engine_by_engine(cache: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    with pytest.raises(WeightsError, match="no such weights file"):
+        chosen(TrackerConfig(weights=str(tmp_path / "none.safetensors")), said.append)
+    assert not any("does not run" in line for line in said)
+
+
+def test_where_no_engine_runs_it_is_one_line(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(candidate: Candidate) -> Measured:
+        raise RuntimeError("illegal instruction")
+
+    monkeypatch.setattr(choice, "measure", broken)
+    with pytest.raises(EngineError, match="none of the"):
+        chosen(TrackerConfig(), lambda _: None)
 
 
 def test_the_real_one_is_timed() -> None:
