@@ -131,9 +131,10 @@ def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
     """
     from tracker.engines.engine import EngineError
 
-    measured = []
-    say(f"measuring {len(candidates)} ways to track on this machine, once ...")
-    for each in candidates:
+    measured: list[Measured] = []
+    for number, each in enumerate(candidates):
+        if number == 1:  # the weights are sound
+            say(f"measuring {len(candidates)} ways to track on this machine, once ...")
         try:
             measured.append(measure(each))
         except (EngineError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
