@@ -22,7 +22,7 @@ from gcs.recorder.manifest import read_manifest
 from gcs.replay.log import FlightLog, FrameRow, TickRow
 
 SIZES: Final = ((640, 480), (1280, 720))
-_READY_S: Final = 60.0
+_READY_S: Final = 120.0  # the first time on a machine it chooses its engine
 _CONFIRM_S: Final = 2.0
 _ATTEMPTS: Final = 8
 _SETTLE_S: Final = 2.0
