@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
@@ -34,11 +34,20 @@ TRACK_ATOL_PX = 0.05
 TRACK_FRAMES = 40
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads of small steps wait for each other where other tests want the cores."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 @pytest.fixture(scope="module", params=[OpenVINOEngine, ONNXRuntimeEngine], ids=lambda engine: engine.runtime)
 def make(request: pytest.FixtureRequest) -> Make:
     if importlib.util.find_spec(request.param.runtime) is None:
         pytest.skip(f"{request.param.runtime} is not installed")
-    return lambda network: request.param(network, threads=2)
+    return lambda network: request.param(network, threads=1)
 
 
 @cache
