@@ -8,3 +8,7 @@ import platform
 # slower for it. NumPy reads it when it is first imported.
 if platform.machine().lower() in ("x86_64", "amd64"):
     os.environ["OPENBLAS_CORETYPE"] = "Nehalem"
+
+# Threads of PyTorch that wait for each other by spinning take the cores from decoding, control and other engines: beside
+# those, two of them were ten times slower than one. Read when PyTorch is first imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
