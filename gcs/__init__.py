@@ -9,6 +9,6 @@ import platform
 if platform.machine().lower() in ("x86_64", "amd64"):
     os.environ["OPENBLAS_CORETYPE"] = "Nehalem"
 
-# Threads of PyTorch that wait for each other by spinning take the cores from decoding, control and other engines: beside
-# those, two of them were ten times slower than one. Read when PyTorch is first imported.
+# Threads of PyTorch that spin while they wait for each other take the cores from decoding and control: on a busy
+# machine two of them were ten times slower than one. Read when PyTorch is first imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")

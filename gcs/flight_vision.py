@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
-import numpy as np
 
 from control.image_rotation import Flow
 from gcs.clock import Clock
@@ -20,7 +19,7 @@ from gcs.tracking import BoxTracker, Learner
 from gcs.video import Frame, VideoSource
 from gcs.video.catch_up import CATCH_UP_S, next_frame
 from gcs.video.flow import BackgroundFlow
-from gcs.video.frame import Image, fingerprint
+from gcs.video.frame import fingerprint
 from gcs.video.history import FrameHistory
 from gcs.video.live import LiveSource
 from gcs.vision_tape import Arrival, Tape, Told
@@ -71,16 +70,16 @@ class StillPicture:
     """Notices a video that repeats one picture under new time stamps."""
 
     def __init__(self) -> None:
-        self._last: Image | None = None
+        self._last: int | None = None
         self._same = 0
         self._since_s = 0.0
 
-    def update(self, image_bgr: Image, t_s: float) -> bool:
-        """True from the tenth equal picture on, if they span half a second."""
-        if self._last is not None and np.array_equal(self._last, image_bgr):
+    def update(self, fingerprint: int, t_s: float) -> bool:
+        """Give it every picture's fingerprint: True from the tenth equal one on, if they span half a second."""
+        if self._last == fingerprint:
             self._same += 1
         else:
-            self._last, self._same, self._since_s = image_bgr, 1, t_s
+            self._last, self._same, self._since_s = fingerprint, 1, t_s
         return self._same >= _FROZEN_FRAMES and t_s - self._since_s >= _FROZEN_S
 
     @property
@@ -112,6 +111,7 @@ class Vision:
         self._hidden_like: Box | None = None  # the last box, while the target is hidden
         self._still = StillPicture()
         self._frozen = False
+        self._fingerprint = 0  # of the newest picture
         self._update_s = 0.0  # what the tracker takes for a frame, 0 = not known yet
         self.frames = FrameHistory()
         self._lock = threading.Lock()
@@ -137,7 +137,7 @@ class Vision:
         Only one thread may call it.
         """
         seen = self._step(self._arrived(frame))
-        return replace(seen, fingerprint=fingerprint(seen.frame.image_bgr), told=self._tape.taken())
+        return replace(seen, fingerprint=self._fingerprint, told=self._tape.taken())
 
     def _step(self, frame: Frame) -> Seen:
         with self._lock:
@@ -166,7 +166,8 @@ class Vision:
         self._tape.arrived(Arrival(frame.seq, frame.t_capture_s, correction_s))
         frame = replace(frame, t_capture_s=frame.t_capture_s - correction_s)
         self.frames.add(frame)
-        self._frozen = self._still.update(frame.image_bgr, frame.t_arrival_s)
+        self._fingerprint = fingerprint(frame.image_bgr)
+        self._frozen = self._still.update(self._fingerprint, frame.t_arrival_s)
         return frame
 
     def flow(self, frame: Frame, target: Box | None) -> Flow | None:
@@ -199,8 +200,8 @@ class Vision:
         while True:
             newer = self._source.read(0.0) if self._source.is_live else None
             if newer is not None:
-                passed = fingerprint(frame.image_bgr)
-                self._deliver(Seen(frame, 0, None, self._clock.now_s(), frozen=self._frozen, fingerprint=passed))
+                now_s, frozen = self._clock.now_s(), self._frozen
+                self._deliver(Seen(frame, 0, None, now_s, frozen=frozen, fingerprint=self._fingerprint))
                 frame = self._arrived(newer)
             else:
                 self._tape.arrived(None)

@@ -17,7 +17,7 @@ SIZES: Final = {"480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080), 
 _FRAMES: Final = 8
 _TRACK: Final = f"track, compact, {TORCH}"
 # What each picture costs that is tracked and shown on the page; H.264 where it can be decoded, else JPEG.
-_PARTS: Final = ("fingerprint", "still picture?", "background flow", _TRACK, "JPEG for the page")
+_PARTS: Final = ("fingerprint", "background flow", _TRACK, "JPEG for the page")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,6 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import Final
 
-import numpy as np
-
 from control.camera import CameraModel, bearing_measurement
 from control.config import ControlConfig
 from control.estimator import TargetEstimator
@@ -60,21 +58,9 @@ def of_picture(images: list[Image], box: Box, label: str = "") -> Iterator[Case]
     shown = Frame(0, images[0], 0.0, 0.0)
     yield Repeated(f"background flow{label}", follow_background)
     yield Repeated(f"fingerprint{label}", lambda: fingerprint(images[0]))
-    yield Repeated(f"still picture?{label}", _Compare(images[0]))
     yield Repeated(f"HUD{label}", lambda: hud.draw(images[0], OVERLAY))
     yield Repeated(f"HUD, boxes alone{label}", lambda: hud.draw_boxes(images[0].copy(), OVERLAY))
     yield Repeated(f"JPEG for the page{label}", lambda: encode(shown, page.jpeg_quality, page.most_width_px))
-
-
-class _Compare:
-    """With a picture that differs in its last pixel alone: the whole has to be looked at."""
-
-    def __init__(self, image: Image) -> None:
-        self._one, self._other = image, image.copy()
-        self._other[-1, -1] ^= 1
-
-    def __call__(self) -> bool:
-        return bool(np.array_equal(self._one, self._other))
 
 
 def of_control() -> Iterator[Case]:
