@@ -72,9 +72,9 @@ def _add_export(actions: Commands) -> None:
     p.add_argument("--int8", action="store_true", help="the backbone's first layers in 8 bits, calibrated on --frames")
     text = "videos to calibrate on, each with its boxes (x,y,w,h a line) in the .txt of the same name"
     p.add_argument("--frames", nargs="+", default=[], metavar="VIDEO", help=text)
-    p.add_argument("--patches", type=int, default=320, metavar="N", help="cut from those frames (default: 320)")
-    text = "how ranges follow from the values seen (default: minmax)"
-    p.add_argument("--calibration", choices=("minmax", "entropy", "percentile"), default="minmax", help=text)
+    p.add_argument("--patches", type=int, default=80, metavar="N", help="cut from those frames (default: 80)")
+    text = "how ranges follow from the values seen (default: percentile)"
+    p.add_argument("--calibration", choices=("minmax", "entropy", "percentile"), default="percentile", help=text)
     text = "how many of the backbone's five, from the first on, are put into 8 bits (default: 2)"
     p.add_argument("--layers", type=int, default=2, metavar="N", help=text)
 

@@ -60,7 +60,7 @@ def test_eight_bits_from_footage(weights: str, tmp_path: Path) -> None:
     assert cli.main(["weights", "export", *argv]) == 0
     assert read_graphs(tmp_path / "q").precision == "int8"
     manifest = json.loads((tmp_path / "q" / "export.json").read_text())
-    assert manifest["calibration"] == {"layers": 2, "method": "minmax", "patches": 5, "videos": ["a.mp4"]}
+    assert manifest["calibration"] == {"layers": 2, "method": "percentile", "patches": 5, "videos": ["a.mp4"]}
 
 
 def test_refusals_are_one_line(weights: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,7 +46,7 @@ class Calibration(Enum):
 def quantised(
     graphs: Graphs,
     patches: Sequence[Image],
-    calibration: Calibration = Calibration.MINMAX,
+    calibration: Calibration = Calibration.PERCENTILE,
     layers: int = LAYERS,
 ) -> Graphs:
     """The graphs with embed's first layers in 8 bits, from search patches (S, S, 3) uint8 such as it will see.
