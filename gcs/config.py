@@ -149,7 +149,8 @@ class TrackerConfig:
     which is measured once (`gcs bench --auto` measures again).
 
     weights: a shipped name ("compact") or a .safetensors file. latent_interval: the paper's m, null: the weights'.
-    threads: CPU threads of the engine. fps: pictures a second to keep up with.
+    threads: CPU threads of the engine. fps: pictures a second to keep up with. graphs: folder that `gcs weights export`
+    has made of these weights, for engine openvino or onnxruntime.
     """
 
     weights: str | None = None
@@ -158,6 +159,11 @@ class TrackerConfig:
     engine: EngineName | None = None
     threads: int | None = _whole(1, None, 64)
     fps: float = _ranged(1.0, 30.0, 240.0)
+    graphs: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.graphs is not None and self.engine not in (EngineName.OPENVINO, EngineName.ONNXRUNTIME):
+            raise ValueError("graphs needs engine openvino or onnxruntime")
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def make_tracker(config: TrackerConfig, say: Callable[[str], object] = log.info)
     latent = None if config.latent is None else LatentProvider(config.latent.value)
     tracker = load_tracker(
         config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads,
-        engine=config.engine.value,
+        engine=config.engine.value, graphs=config.graphs,
     )  # fmt: skip
     something = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
     tracker.init(something, Box(320.0, 240.0, 48.0, 48.0))  # else the first selection is what waits for PyTorch

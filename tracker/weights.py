@@ -18,6 +18,7 @@ from torch import Tensor
 from tracker.confidence import ConfidenceError, ConfidenceModel
 from tracker.configs import ConfigError, LatentProvider, NetworkConfig, TrackerConfig
 from tracker.engines.catalogue import TORCH, make_engine
+from tracker.engines.export_files import read_graphs
 from tracker.network.climrt import ClimRT
 from tracker.online import ClimRTTracker, Loaded
 
@@ -194,11 +195,13 @@ def load_tracker(
     latent_interval: int | None = None,
     threads: int | None = None,
     engine: str = TORCH,
+    graphs: str | Path | None = None,
 ) -> ClimRTTracker:
     """A tracker ready for init: shipped weights by name ("compact"), or a .safetensors file by path.
 
-    latent, latent_interval: override the manifest's. threads: CPU threads of the engine. Raises WeightsError,
-    EngineError, and ConfigError for latent = climnet with weights that hold no ClimNet.
+    latent, latent_interval: override the manifest's. threads: CPU threads of the engine. graphs: folder of what was
+    exported from these weights, to be run as it is. Raises WeightsError, EngineError, and ConfigError for
+    latent = climnet with weights that hold no ClimNet.
     """
     path = find_weights(name_or_path)
     manifest = read_manifest(path)
@@ -211,7 +214,8 @@ def load_tracker(
         raise WeightsError(f"{_manifest_path(path)}: {error}") from error
     # What PyTorch still does beside another engine is little, and its threads would be in the way.
     threads_of_torch = threads if engine == TORCH else 1
-    runs = make_engine(engine, load_network(path), threads, climnet=config.latent is LatentProvider.CLIMNET)
+    network = load_network(path) if graphs is None else read_graphs(graphs, weights_sha256=manifest.sha256)
+    runs = make_engine(engine, network, threads, climnet=config.latent is LatentProvider.CLIMNET)
     tracker = ClimRTTracker(runs, config, confidence=confidence, threads=threads_of_torch)
     tracker.loaded = Loaded(str(name_or_path), manifest.sha256, runs.name, threads or torch.get_num_threads())
     return tracker

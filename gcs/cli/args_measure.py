@@ -78,6 +78,7 @@ def _add_bench_track(kinds: Commands) -> None:
     p.add_argument(
         "--latent", choices=("climnet", "previous", "off"), help="the latent frame (default: the weights' own)"
     )
+    p.add_argument("--graphs", metavar="DIR", help="run what gcs weights export has made of the weights")
     p.add_argument("--threads", type=int, metavar="N", help="CPU threads of the engine (default: the engine's own)")
     p.add_argument("--results", metavar="DIR", help="keep the boxes there as text; a run broken off goes on from them")
     p.add_argument("--against", metavar="NAME=DIR", action="append", default=[], help="another tracker's boxes; repeat")

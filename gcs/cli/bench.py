@@ -67,7 +67,7 @@ def track(args: argparse.Namespace) -> int:
     weights = args.weights or args.config or "compact"
     store = _store(args, weights, latency, dataset)
     threads = 1 if args.jobs > 1 or args.cluster is not None else args.threads
-    job = Job(Shipped(weights, args.engine, threads, _latent(args)), threads, latency)
+    job = Job(Shipped(weights, args.engine, threads, _latent(args), args.graphs), threads, latency)
     _header(args)
     ours = run_benchmark(
         "ClimRT",
@@ -164,7 +164,9 @@ def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None
     from tracker.eval.store import Store
     from tracker.weights import DATA, load_tracker, read_manifest
 
-    config = load_tracker(weights, engine=args.engine, threads=args.threads, latent=_latent(args)).config
+    config = load_tracker(
+        weights, engine=args.engine, threads=args.threads, latent=_latent(args), graphs=args.graphs
+    ).config
     shipped = DATA / f"{weights}.safetensors"
     manifest = read_manifest(shipped if not Path(weights).exists() and shipped.is_file() else weights)
     if args.config is not None and manifest.network.name != args.config:
@@ -174,7 +176,7 @@ def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None
     clock = None if latency is None else {"fps": latency.fps, "slower": latency.slower}
     settings = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
     if args.engine != "torch":  # what was kept before there were others goes on
-        settings["engine"] = args.engine
+        settings["engine"] = args.engine if args.graphs is None else f"{args.engine} {args.graphs}"
     return Store(Path(args.results), settings, as_got10k=dataset.layout is Layout.GOT10K)
 
 

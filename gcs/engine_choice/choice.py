@@ -80,7 +80,7 @@ def _candidates(config: TrackerConfig) -> list[Candidate]:
     threads = [config.threads] if config.threads is not None else [n for n in _THREADS if n <= usable_cores()]
     engines = [config.engine.value] if config.engine is not None else available_engines()
     return [
-        Candidate(weights, engine, count, latent)
+        Candidate(weights, engine, count, latent, config.graphs)
         for weights in ([config.weights] if config.weights is not None else _shipped())
         for latent in _latents(weights, config)
         for engine in engines

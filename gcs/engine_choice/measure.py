@@ -24,6 +24,7 @@ class Candidate:
     engine: str
     threads: int
     latent: str | None
+    graphs: str | None = None
 
     def __str__(self) -> str:
         latent = "" if self.latent is None else f", latent {self.latent}"
@@ -45,7 +46,9 @@ def measure(candidate: Candidate) -> Measured:
     from tracker.weights import load_tracker
 
     latent = None if candidate.latent is None else LatentProvider(candidate.latent)
-    tracker = load_tracker(candidate.weights, latent=latent, threads=candidate.threads, engine=candidate.engine)
+    tracker = load_tracker(
+        candidate.weights, latent=latent, threads=candidate.threads, engine=candidate.engine, graphs=candidate.graphs
+    )
     pictures = [_picture(step) for step in range(4)]
     tracker.init(pictures[0], _BOX)
     took, cpu = [], []

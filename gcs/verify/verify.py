@@ -158,15 +158,18 @@ def _of(seen: dict[int, Seen]) -> SeenOf:
     return lambda number, row: seen.get(number) or recorded_seen(number, row)
 
 
-def _as_flown(config: TrackerConfig, facts: WeightsFacts | None) -> TrackerConfig:
+def as_flown(config: TrackerConfig, facts: WeightsFacts | None) -> TrackerConfig:
     """With the engine of then: another, or other threads, add in another order."""
     if facts is None:
         return config
-    latent = config.latent or (None if facts.latent is None else Latent(facts.latent))
-    return replace(
-        config, weights=config.weights or facts.name, engine=EngineName(facts.engine), threads=facts.threads,
-        latent=latent,
-    )  # fmt: skip
+    try:
+        engine = EngineName(facts.engine.removesuffix("-int8"))
+        latent = config.latent or (None if facts.latent is None else Latent(facts.latent))
+        return replace(
+            config, weights=config.weights or facts.name, engine=engine, threads=facts.threads, latent=latent
+        )
+    except ValueError as error:
+        raise ManifestError(f"the flight's tracker cannot be made again: {error}") from error
 
 
 def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple[dict[int, Seen], str | None]:
@@ -176,7 +179,7 @@ def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple
     if film.problem is not None:
         return seen, film.problem
     progress("loading the tracker")
-    tracker = make_tracker(_as_flown(config.tracker, recorded.manifest.weights))
+    tracker = make_tracker(as_flown(config.tracker, recorded.manifest.weights))
     eyes = EyesAgain(tracker, film.picture)
     total = len(recorded.log)
     try:

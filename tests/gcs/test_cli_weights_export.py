@@ -12,8 +12,9 @@ import pytest
 
 from gcs.cli import entry as cli
 from tests.tracker.conftest import random_network
+from tracker.engines.engine import EngineError
 from tracker.engines.export_files import read_graphs
-from tracker.weights import save
+from tracker.weights import load_tracker, save
 
 
 @pytest.fixture
@@ -81,3 +82,23 @@ def test_refusals_are_one_line(weights: str, tmp_path: Path, capsys: pytest.Capt
     damaged = Path(weights)
     damaged.write_bytes(damaged.read_bytes()[:-1] + b"?")
     assert "sha256 is not the manifest's" in refused(capsys, weights, *out)
+
+
+@pytest.mark.skipif(find_spec("onnxruntime") is None, reason="onnxruntime is not installed")
+def test_what_is_exported_tracks(weights: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, clip, config = tmp_path / "graphs", tmp_path / "a.mp4", tmp_path / "c.yaml"
+    video(clip)
+    assert cli.main(["weights", "export", weights, "--out", str(out)]) == 0
+    config.write_text(f"tracker: {{weights: {weights}, engine: onnxruntime, graphs: {out}, threads: 1}}\n")
+    argv = ["dry-run", str(clip), "--boxes", str(clip.with_suffix(".txt")), "--config", str(config), "--json"]
+    assert cli.main([*argv, "--out", str(tmp_path / "dry")]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["frames"] == 5
+    save(tmp_path / "tiny.safetensors", random_network(seed=3))  # other weights under the same name
+    assert cli.main([*argv, "--out", str(tmp_path / "other")]) == 2
+    assert "was exported from other weights" in capsys.readouterr().err
+
+
+def test_the_reference_engine_runs_no_graphs(weights: str, tmp_path: Path) -> None:
+    assert cli.main(["weights", "export", weights, "--out", str(tmp_path / "graphs")]) == 0
+    with pytest.raises(EngineError, match="engine torch: runs no exported graphs"):
+        load_tracker(weights, graphs=tmp_path / "graphs")

@@ -84,6 +84,7 @@ recorder:
         ("camera:\n  mount_rpy_deg: [0, .inf, 0]\n", "c.yaml:2: camera.mount_rpy_deg: must be a finite number"),
         ("camera:\n  hfov_deg: 60\n  hfov_deg: 61\n", "c.yaml:3: camera.hfov_deg: given twice"),
         ("tracker:\n  threads: 2.5\n", "c.yaml:2: tracker.threads: expected int"),
+        ("tracker:\n  graphs: out\n", "tracker: graphs needs engine openvino or onnxruntime"),
         ("tracker:\n  latent: dream\n", "(known: climnet, previous, off)"),
         ("tracker:\n  weights: {a: 1}\n", "c.yaml:2: tracker.weights: must be a single value"),
         ("vehicle: fast\n", "c.yaml:1: vehicle: must be a list of `key: value` lines"),

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from control.latency import UNKNOWN
+from gcs.config import EngineName, Latent, TrackerConfig
 from gcs.flight_vision import Seen, Vision
 from gcs.recorder.events import FrameRecord, Selected
+from gcs.recorder.manifest import ManifestError, WeightsFacts
 from gcs.recorder.message_log import encoder
 from gcs.replay.log import FrameRow
 from gcs.verify.eyes import DivergedError, EyesAgain
+from gcs.verify.verify import as_flown
 from gcs.video import Frame
 from gcs.video.frame import Image
 from gcs.vision_tape import Told
@@ -151,3 +154,14 @@ def test_a_step_of_a_damaged_record_that_names_no_frame_is_told() -> None:
     row = FrameRow(0.0, 0.0, 0.0, told=Told((None,), (1.0,)))
     with pytest.raises(DivergedError, match="names no frame"):
         EyesAgain(PatchTracker(), lambda row: np.zeros(SIZE, np.uint8)).saw(0, row)
+
+
+def test_the_engine_of_then_tracks_again_and_a_strange_one_is_told() -> None:
+    facts = WeightsFacts("compact", "0" * 64, 2, "openvino-int8", "off")
+    found = as_flown(TrackerConfig(threads=1), facts)
+    assert (found.weights, found.engine, found.threads, found.latent) == (
+        "compact", EngineName.OPENVINO, 2, Latent.OFF,
+    )  # fmt: skip
+    assert as_flown(TrackerConfig(weights="mine", latent=Latent.CLIMNET), facts).weights == "mine"
+    with pytest.raises(ManifestError, match="cannot be made again"):
+        as_flown(TrackerConfig(), msgspec.structs.replace(facts, engine="abacus"))

@@ -10,6 +10,7 @@ import torch
 from tracker.engines.cuda import CudaEngine
 from tracker.engines.eager import EagerEngine
 from tracker.engines.engine import Engine, EngineError
+from tracker.engines.export import Graphs
 from tracker.engines.half import Precision
 from tracker.engines.onnxruntime import ONNXRuntimeEngine
 from tracker.engines.openvino import OpenVINOEngine
@@ -27,15 +28,17 @@ def available_engines() -> list[str]:
     return [TORCH, *found, *([f"cuda-{Precision.FP16.value}"] if torch.cuda.is_available() else [])]
 
 
-def make_engine(name: str, network: ClimRT, threads: int | None = None, *, climnet: bool = True) -> Engine:
-    """By its name, for a network on the CPU.
+def make_engine(name: str, network: ClimRT | Graphs, threads: int | None = None, *, climnet: bool = True) -> Engine:
+    """By its name, for a network on the CPU, or for graphs that were exported from one.
 
     threads: of an engine that brings its own. climnet=False: it will not be asked to imagine. EngineError, one line.
     """
-    if name == TORCH:
-        return EagerEngine(network)
     if name in EXPORTED:
         return EXPORTED[name](network, threads=threads or torch.get_num_threads(), climnet=climnet)
+    if not isinstance(network, ClimRT):
+        raise EngineError(f"engine {name}: runs no exported graphs; {' and '.join(EXPORTED)} do")
+    if name == TORCH:
+        return EagerEngine(network)
     if name in ON_DEVICE:
         if not torch.cuda.is_available():
             raise EngineError(f"engine {name}: PyTorch finds no GPU here")

@@ -44,14 +44,19 @@ def write_files(folder: str | Path, graphs: Graphs, files: Mapping[str, bytes], 
     return folder / MANIFEST
 
 
-def read_graphs(folder: str | Path) -> Graphs:
-    """What write_graphs wrote, each file as its manifest says. Raises EngineError, naming what is wrong."""
+def read_graphs(folder: str | Path, *, weights_sha256: str | None = None) -> Graphs:
+    """What write_graphs wrote, each file as its manifest says. Raises EngineError, naming what is wrong.
+
+    weights_sha256: of the weights that it must have been exported from; None takes any.
+    """
     folder = Path(folder)
     source = folder / MANIFEST
     try:
         values = json.loads(source.read_text(encoding="utf-8"))
         if not isinstance(values, dict) or values.get("format") != FORMAT:
             raise EngineError(f"{source}: is not a {FORMAT} manifest")
+        if weights_sha256 is not None and values.get("weights_sha256") != weights_sha256:
+            raise EngineError(f"{source}: was exported from other weights: export these (gcs weights export)")
         files = {name: _read(folder, name, str(entry["sha256"])) for name, entry in values["files"].items()}
         precision = values["precision"]
         if precision not in (FLOAT32, INT8):

@@ -43,17 +43,21 @@ class Shipped:
     """Makes trackers from weights: a name that ships, or a .safetensors file. Travels to other processes.
 
     engine, threads: what runs them; latent: provider of the latent frame, None: the weights' own.
+    graphs: folder of those exported from the weights, to be run instead.
     """
 
     weights: str
     engine: str = "torch"
     threads: int | None = None
     latent: LatentProvider | None = None
+    graphs: str | None = None
 
     def __call__(self) -> Tracker:
         from tracker.weights import load_tracker  # here: who only scores boxes waits for no PyTorch
 
-        return load_tracker(self.weights, engine=self.engine, threads=self.threads, latent=self.latent)
+        return load_tracker(
+            self.weights, engine=self.engine, threads=self.threads, latent=self.latent, graphs=self.graphs
+        )
 
 
 @dataclass(frozen=True, slots=True)
