@@ -17,6 +17,7 @@ from gcs.errors import one_line
 from gcs.recorder.facts import usable_cores
 
 BUSY_FRAC: Final = 0.5  # of the time between two pictures; the rest is for decoding, control and showing
+ALIKE: Final = 1.15
 _THREADS: Final = (1, 2, 4)
 Say = Callable[[str], object]
 
@@ -24,8 +25,8 @@ Say = Callable[[str], object]
 def choose(measured: Sequence[Measured], fps: float, scores: Mapping[tuple[str, str | None], float]) -> Measured:
     """The best by score that keeps up with `fps` pictures a second, else the fastest; scores: by weights and latent.
 
-    Of equals that with the least CPU time, which tells them apart even while others are at work. ValueError without
-    a candidate.
+    measured: of engines that cost about the same the one to prefer first. They are told apart by CPU time, which
+    others at work disturb little. ValueError without a candidate.
     """
     if not measured:
         raise ValueError("no way to track could be measured")
@@ -34,11 +35,14 @@ def choose(measured: Sequence[Measured], fps: float, scores: Mapping[tuple[str, 
     if not able:
         return min(measured, key=lambda each: each.update_ms)
 
-    def rank(each: Measured) -> tuple[float, int, float]:
+    def rank(each: Measured) -> tuple[float, int]:
         candidate = each.candidate
-        return -scores.get((candidate.weights, candidate.latent), 0.0), candidate.threads, each.cpu_ms
+        return -scores.get((candidate.weights, candidate.latent), 0.0), candidate.threads
 
-    return min(able, key=rank)
+    best = min(rank(each) for each in able)
+    equals = [each for each in able if rank(each) == best]
+    most_ms = min(each.cpu_ms for each in equals) * ALIKE
+    return next(each for each in equals if each.cpu_ms <= most_ms)
 
 
 def chosen(config: TrackerConfig, say: Say) -> TrackerConfig:

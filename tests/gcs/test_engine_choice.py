@@ -46,6 +46,12 @@ def test_the_best_that_keeps_up_on_the_fewest_threads(fps: float, wanted: tuple[
     assert found.latent == ("climnet" if fps in (12.0, 20.0) else None)
 
 
+def test_of_those_that_cost_about_the_same_the_first() -> None:
+    near = [timed("compact", 1, 11.0, engine="onnxruntime"), timed("compact", 1, 10.0, engine="openvino")]
+    assert choose(near, 30.0, SCORES) == near[0]
+    assert choose(near[::-1], 30.0, SCORES) == near[1]
+
+
 def test_of_equals_the_fastest() -> None:
     assert choose(ALL, 30.0, SCORES) == timed("compact", 1, 9.0, engine="openvino")
     assert choose(ALL, 80.0, SCORES) == timed("compact", 2, 6.0, engine="openvino")
