@@ -218,3 +218,25 @@ assert sys.modules.get("openvino_telemetry") is None
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
+
+
+@each_engine
+def test_signals_are_heard_after_engines_have_come_and_gone(engine_type: type[ExportedEngine]) -> None:
+    """Ctrl-C is how a flight is ended."""
+    needed(engine_type)
+    program = f"""
+import faulthandler, gc, os, signal
+faulthandler.enable()  # Python's handlers run on the thread's stack for signals, if it has one
+from {engine_type.__module__} import {engine_type.__name__} as E
+from tests.tracker.conftest import random_network
+engines = [E(random_network(), threads=1, climnet=False) for _ in range(3)]
+while engines:
+    engines.pop(0)
+    gc.collect()
+heard = []
+signal.signal(signal.SIGTERM, lambda number, frame: heard.append(number))
+os.kill(os.getpid(), signal.SIGTERM)
+assert heard == [signal.SIGTERM]
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr

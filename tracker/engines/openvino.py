@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from tracker.engines.exported import Array, ExportedEngine, Run
 
@@ -24,7 +26,7 @@ class OpenVINOEngine(ExportedEngine):
         return super().imported()
 
     def _compile(self, graph: bytes) -> Run:
-        core = self._module.Core()
+        core = _core()
         compiled = core.compile_model(core.read_model(graph), "CPU", _properties(self.threads))
         request = compiled.create_infer_request()
         ports = [port.get_names() for port in compiled.inputs]  # each its own and its optimised-away neighbours'
@@ -35,6 +37,16 @@ class OpenVINOEngine(ExportedEngine):
             return [array.copy() for array in results.values()]  # the next run writes into these
 
         return run
+
+
+@functools.cache
+def _core() -> Any:
+    """One for the process, which is never given up.
+
+    Each takes the place of the thread's stack for signals and puts back, when it goes, what it had found: of two that
+    go in another order than they came, that is memory given back already, and the next signal kills the process.
+    """
+    return OpenVINOEngine.imported().Core()
 
 
 def _properties(threads: int) -> dict[str, object]:
@@ -49,8 +61,7 @@ def _properties(threads: int) -> dict[str, object]:
 
 def as_ir(files: Mapping[str, bytes]) -> dict[str, bytes]:
     """Graphs NAME.onnx in OpenVINO's own form, each NAME.xml and NAME.bin, weights as they are. Raises EngineError."""
-    openvino = OpenVINOEngine.imported()
-    core = openvino.Core()
+    openvino, core = OpenVINOEngine.imported(), _core()
     converted: dict[str, bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, graph in files.items():
