@@ -56,6 +56,7 @@ pictures: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/gcs bench $(ARGS)
+	$(BIN)/python -m tests.page_load
 
 coverage: $(STAMP)
 	$(BIN)/coverage run --branch --include='control/gate*.py,control/fence.py,control/checks.py,control/engagement.py,control/causes.py,control/preflight.py,control/camera_check.py,control/setpoint_echo.py,control/overrun.py' -m pytest tests/control tests/property

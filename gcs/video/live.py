@@ -16,6 +16,7 @@ MAX_BACKOFF_S = 2.0  # longer, and a drone that is back must wait; nobody is hur
 CLOSE_WAIT_S = 1.5  # a blocked read ends by itself after SILENT_S, and nobody need wait for it
 QUIET_S = 1.0
 BEHIND_S = 0.3
+APART_S = 1e-6  # between two pictures, at the least
 
 log = logging.getLogger(__name__)
 
@@ -153,7 +154,7 @@ class LiveSource:
     def _publish(self, decoded: Decoded) -> None:
         arrival_s = self._clock() - decoded.decode_s
         if self._last is not None:  # two of one packet: readings of the clock in between must not turn them round
-            arrival_s = max(arrival_s, self._last.t_arrival_s)
+            arrival_s = max(arrival_s, self._last.t_arrival_s + APART_S)
         packet = decoded.packet
         if packet is None and self._tap is not None:
             packet = self._tap.picture(decoded.image_bgr, arrival_s)
