@@ -10,5 +10,5 @@ from gcs.cli.entry import main
 from tests.gcs.blob_tracker import BlobTracker
 
 if __name__ == "__main__":
-    gcs.app.make_tracker = gcs.demo.make_tracker = lambda config: BlobTracker()
+    gcs.app.make_tracker = gcs.demo.make_tracker = lambda config, say: BlobTracker()
     sys.exit(main(sys.argv[1:]))
