@@ -80,6 +80,8 @@ async def _fly_shown(
     loading = asyncio.create_task(
         asyncio.to_thread(_load, config, lambda text: loop.call_soon_threadsafe(displays.say, text))
     )
+    # What went wrong with it is raised where it is awaited; where the link fails first, that is what is told.
+    loading.add_done_callback(lambda task: task.cancelled() or task.exception())
     await displays.prepare()
     watermark = "SIM" if config.vehicle.simulated else None
     await kept.begin("run", source, options.vehicle, watermark=watermark)
