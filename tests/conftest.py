@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import tempfile
 
-# Processes that a test starts inherit it.
-os.environ["CLIMRT_CACHE"] = tempfile.mkdtemp(prefix="climrt-tests-")
-
 from gcs.engine_choice.measure import Candidate, Measured
 from gcs.engine_choice.memory import remember
 
+_CACHE = tempfile.TemporaryDirectory(prefix="climrt-tests-")
+os.environ["CLIMRT_CACHE"] = _CACHE.name  # processes that a test starts inherit it
 remember([Measured(Candidate("compact", "torch", 1, None), 12.0, 12.0)])

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+import msgspec
+
 from gcs.config import EngineName, Latent, TrackerConfig
 from gcs.engine_choice.measure import Candidate, Measured, measure
 from gcs.engine_choice.memory import remember, remembered
@@ -20,6 +22,13 @@ BUSY_FRAC: Final = 0.5  # of the time between two pictures; the rest is for deco
 ALIKE: Final = 1.15
 _THREADS: Final = (1, 2, 4)
 Say = Callable[[str], object]
+
+
+class _Metrics(msgspec.Struct):
+    """Of a weights file's manifest, what is asked for here."""
+
+    development_auc: float | None = None
+    development_auc_by_latent: dict[Latent, float] = {}
 
 
 def choose(measured: Sequence[Measured], fps: float, scores: Mapping[tuple[str, str | None], float]) -> Measured:
@@ -113,11 +122,15 @@ def _latent_scores(weights: str) -> dict[str | None, float]:
     from tracker.weights import find_weights, read_manifest
 
     manifest = read_manifest(find_weights(weights))
-    metrics = manifest.extra.get("metrics", {})
-    found = metrics.get("development_auc_by_latent", {})
-    scores: dict[str | None, float] = {str(name): float(score) for name, score in found.items()}
-    own = scores.pop(manifest.tracker.latent.value, metrics.get("development_auc"))
-    return scores if own is None else scores | {None: float(own)}
+    try:  # whatever stands in a manifest from elsewhere: without scores its own provider is taken
+        metrics = msgspec.convert(manifest.extra.get("metrics", {}), _Metrics)
+    except msgspec.ValidationError:
+        return {}
+    scores: dict[str | None, float] = {
+        latent.value: score for latent, score in metrics.development_auc_by_latent.items()
+    }
+    own = scores.pop(manifest.tracker.latent.value, metrics.development_auc)
+    return scores if own is None else scores | {None: own}
 
 
 def _scores(candidates: Sequence[Candidate]) -> dict[tuple[str, str | None], float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import logging
@@ -66,6 +67,8 @@ def _path() -> Path:
 
 def _key() -> str:
     facts = {name: value for name, value in machine().items() if name not in _PASSING}
+    with contextlib.suppress(OSError):  # a GPU that is new here
+        facts["gpu_driver"] = Path("/proc/driver/nvidia/version").read_text(encoding="utf-8", errors="replace")
     for name in _PACKAGES:
         try:
             facts[name] = metadata.version(name)

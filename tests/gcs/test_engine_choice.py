@@ -9,8 +9,9 @@ from gcs.config import EngineName, Latent, TrackerConfig
 from gcs.engine_choice import choice, memory
 from gcs.engine_choice.choice import choose, choose_anew, chosen
 from gcs.engine_choice.measure import Candidate, Measured, measure
+from tests.tracker.conftest import random_network
 from tracker.engines.engine import EngineError
-from tracker.weights import WeightsError
+from tracker.weights import WeightsError, save
 
 SCORES = {("full", None): 0.7, ("compact", None): 0.5, ("compact", "climnet"): 0.6}
 
@@ -159,3 +160,14 @@ def test_the_real_one_is_timed() -> None:
     found = measure(Candidate("compact", "torch", 1, None))
     assert 0 < found.update_ms < 5000
     assert found.cpu_ms > 0
+
+
+@pytest.mark.parametrize(
+    "metrics", [None, [1], {"development_auc": "high"}, {"development_auc_by_latent": {"dream": 1}}]
+)
+def test_a_manifest_with_strange_scores_is_flown_as_it_says(
+    cache: Path, measurements: list[Candidate], tmp_path: Path, metrics: object
+) -> None:
+    path = save(tmp_path / "w.safetensors", random_network(), {"metrics": metrics})
+    found = chosen(TrackerConfig(weights=str(path), engine=EngineName.TORCH), lambda _: None)
+    assert (found.weights, found.latent) == (str(path), None)

@@ -1,4 +1,4 @@
-"""The network in OpenVINO: on a CPU the fastest there is, in float32 as the reference."""
+"""The network in OpenVINO, on a CPU in float32 as the reference."""
 
 from __future__ import annotations
 
