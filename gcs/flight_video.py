@@ -14,15 +14,18 @@ from gcs.video.frame import Image
 _QUEUE_FRAMES: Final = 8
 _CLOSE_S: Final = 5.0
 
+_Picture = tuple[Image, hud.Overlay, float]
+
 
 class FlightVideo:
-    """An mp4 whose time is the frames' own: late frames leave a repeated picture, never a shorter film."""
+    """An mp4 whose time is the frames' own: pictures dropped leave a repeated one, never a shorter film."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
         self.dropped = 0
         self._file = AnnotatedVideo(path, size, fps)
         self._first_s: float | None = None
-        self._queue: queue.Queue[tuple[Image, hud.Overlay, float] | None] = queue.Queue(_QUEUE_FRAMES)
+        self._queue: queue.Queue[_Picture | None] = queue.Queue(_QUEUE_FRAMES)
+        self._left_out: _Picture | None = None  # the newest that found no room, while none has come after it
         self._thread = threading.Thread(target=self._run, name="flight video", daemon=True)
         self._thread.start()
 
@@ -33,14 +36,19 @@ class FlightVideo:
 
     def write(self, image_bgr: Image, overlay: hud.Overlay, t_s: float) -> None:
         """Queue one picture, taken at t_s; never waits."""
+        picture = (image_bgr, overlay, t_s)
         try:
-            self._queue.put_nowait((image_bgr, overlay, t_s))
+            self._queue.put_nowait(picture)
+            self._left_out = None
         except queue.Full:
             self.dropped += 1
+            self._left_out = picture
 
     def close(self) -> None:
-        """Write what is queued and finish the file (at most 6 s)."""
+        """Write what is queued and finish the file (at most 7 s); the last picture is in it."""
         try:
+            if self._left_out is not None:
+                self._queue.put(self._left_out, timeout=1.0)
             self._queue.put(None, timeout=1.0)
         except queue.Full:
             return

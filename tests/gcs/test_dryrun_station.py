@@ -13,6 +13,7 @@ import pytest
 
 from control.engagement import State
 from control.types import VehicleMode
+from gcs import flight_video
 from gcs.clock import FakeClock
 from gcs.config import Config
 from gcs.dryrun.batch import Options
@@ -80,6 +81,12 @@ class Desk:
             if task.done():
                 return task.result()
         raise AssertionError("it is never done")
+
+
+@pytest.fixture(autouse=True)
+def room_for_every_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time here does not wait for the film's thread, which on a busy machine gets little of it."""
+    monkeypatch.setattr(flight_video, "_QUEUE_FRAMES", 1000)
 
 
 def desk(tmp_path: Path, frames: int = 40, telemetry: Path | None = None, config: Config | None = None) -> Desk:
