@@ -140,13 +140,13 @@ def test_a_slice_counts_from_the_start_of_the_process() -> None:
 
 
 def test_a_signal_is_noted_once_and_then_acts_as_ever() -> None:
-    before = signal.getsignal(signal.SIGTERM)
+    before, interrupt = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     with Interruption() as asked:
         assert not asked.stop
         os.kill(os.getpid(), signal.SIGTERM)
         assert asked.stop
         assert signal.getsignal(signal.SIGTERM) is before
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is interrupt
 
 
 def test_an_interrupted_run_saves_and_says_so_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
