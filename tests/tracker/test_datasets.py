@@ -1,8 +1,7 @@
-"""Readers of big data sets: tiny folders of the published shape, written here."""
+"""Readers of big data sets: tiny folders of the published shape."""
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import pickle
@@ -13,118 +12,16 @@ import numpy as np
 import pytest
 
 from tests.tracker.packs import write_pack
+from tests.tracker.published_layouts import WRITERS, boxes, coco, got10k, one, vid, vimeo
 from tracker.train.compose import Composer, Recipe
 from tracker.train.dataset import collate
-from tracker.train.datasets import DatasetError, credits_of_sets, load_sources
-from tracker.train.pack import PACK_REACH, BrokenPictureError, Imagery, load
-
-SIZE = (160, 120)  # w, h px
-
-
-def picture(path: Path, seed: int = 0) -> None:
-    """A picture with texture, as its name's ending says."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    rng = np.random.default_rng(seed)
-    image = cv2.resize(rng.integers(0, 255, (15, 20, 3), np.uint8), SIZE, interpolation=cv2.INTER_CUBIC)
-    ending = path.suffix.lower().replace("jpeg", "jpg")
-    assert cv2.imencode(ending, image)[1].tofile(path) is None
-
-
-def coco(root: Path, subset: str = "train2017") -> Path:
-    """Three pictures: two outlined objects, one by run lengths, a crowd, one too small, one that fills it all."""
-    images = [{"id": 9 + k, "file_name": f"{9 + k:012d}.jpg", "width": 160, "height": 120} for k in range(3)]
-    for k, image in enumerate(images):
-        picture(root / subset / image["file_name"], k)
-    square = [30.0, 20.0, 70.5, 20.0, 70.5, 60.25, 30.0, 60.25]
-    column = [10 * 120 + 10] + [40, 80] * 19 + [40, 70 + 130 * 120]  # 20 columns from x = 10, 40 rows from y = 10
-    runs = {"size": [120, 160], "counts": column}
-
-    def entry(image: int, category: int, bbox: list[float], segmentation: object, iscrowd: int = 0) -> dict:
-        return {"id": 1, "image_id": image, "category_id": category, "bbox": bbox, "iscrowd": iscrowd} | {
-            "segmentation": segmentation,
-            "area": 1.0,
-        }
-
-    annotations = [
-        entry(9, 18, [30.0, 20.0, 40.5, 40.25], [square]),
-        entry(9, 1, [80.25, 20.5, 30.0, 50.0], [[80.25, 20.5, 110.25, 20.5, 95, 70.5], square]),
-        entry(10, 1, [10, 10, 20, 40], runs),
-        entry(10, 1, [0, 0, 100, 100], {"size": [120, 160], "counts": [0, 160 * 120]}, iscrowd=1),
-        entry(11, 18, [5, 5, 9, 40], [square]),
-        entry(11, 18, [0, 0, 160, 119], [square]),
-    ]
-    categories = [{"id": 1, "name": "person"}, {"id": 18, "name": "dog"}]
-    (root / "annotations").mkdir(parents=True, exist_ok=True)
-    (root / "annotations" / f"instances_{subset}.json").write_text(
-        json.dumps({"info": {}, "images": images, "annotations": annotations, "categories": categories})
-    )
-    return root
-
-
-def vid_object(track: int, xmin: int, ymin: int, xmax: int, ymax: int, name: str = "n02084071") -> str:
-    return (
-        f"<object><trackid>{track}</trackid><name>{name}</name><bndbox><xmax>{xmax}</xmax><xmin>{xmin}</xmin>"
-        f"<ymax>{ymax}</ymax><ymin>{ymin}</ymin></bndbox><occluded>0</occluded><generated>1</generated></object>"
-    )
-
-
-def vid(root: Path, subset: str = "train", clips: int = 2, between: bool = True) -> Path:
-    """Clips of five frames: object 0 absent on the third, object 1 seen on one frame only."""
-    for clip in range(clips):
-        name = f"ILSVRC2015_{subset}_{clip:08d}"
-        inner = Path("VID") / subset / (f"ILSVRC2015_VID_{subset}_0000" if between else "") / name
-        (root / "Annotations" / inner).mkdir(parents=True)
-        for frame in range(5):
-            picture(root / "Data" / inner / f"{frame:06d}.JPEG", frame)
-            objects = "" if frame == 2 else vid_object(0, 20 + frame, 30, 59 + frame, 69)
-            objects += vid_object(1, 0, 0, 29, 19) if frame == 4 else ""
-            (root / "Annotations" / inner / f"{frame:06d}.xml").write_text(
-                f"<annotation><folder>{name}</folder><filename>{frame:06d}</filename><source/>"
-                f"<size><width>160</width><height>120</height></size>{objects}</annotation>"
-            )
-    return root
-
-
-def got10k(root: Path, subset: str = "train", clips: int = 2) -> Path:
-    """Sequences of six frames: absent on the third, wholly covered on the fifth."""
-    names = [f"GOT-10k_{subset.capitalize()}_{k + 1:06d}" for k in range(clips)]
-    for name in names:
-        folder = root / subset / name
-        for frame in range(6):
-            picture(folder / f"{frame + 1:08d}.jpg", frame)
-        lines = [f"{20.5 + k:.4f},30.0000,40.2500,35.0000" for k in range(6)]
-        (folder / "groundtruth.txt").write_text("\n".join(lines) + "\n")
-        (folder / "absence.label").write_text("0\n0\n1\n0\n0\n0\n")
-        (folder / "cover.label").write_text("8\n7\n0\n5\n0\n8\n")
-        (folder / "meta_info.ini").write_text("[METAINFO]\nobject_class: racing car\nresolution: (160, 120)\n")
-    (root / subset / "list.txt").write_text("\n".join(names) + "\n")
-    return root
-
-
-def vimeo(root: Path, frames: int = 3, subset: str = "train") -> Path:
-    """Two sequences, and a blank last line as in the published list."""
-    for k in (1, 2):
-        for frame in range(1, frames + 1):
-            picture(root / "sequences" / "00001" / f"{k:04d}" / f"im{frame}.png", frame)
-    kind = {3: "tri", 7: "sep"}[frames]
-    (root / f"{kind}_{subset}list.txt").write_text("00001/0001\n00001/0002\n\n")
-    return root
-
-
-WRITERS = {"coco": coco, "vid": vid, "got10k": got10k, "vimeo": vimeo}
+from tracker.train.datasets import DatasetError, load_sources
+from tracker.train.pack import PACK_REACH, BrokenPictureError, load
 
 
 @pytest.fixture(autouse=True)
 def _cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
-def one(kind: str, root: Path, split: str = "train", **more: object) -> Imagery:
-    return load_sources([{"dataset": kind, "root": str(root), **more}], root.parent, split)
-
-
-def boxes(imagery: Imagery) -> list[tuple[float, ...]]:
-    return [t.box for t in imagery.things]
 
 
 def test_coco_gives_outlined_objects_of_single_pictures(tmp_path: Path) -> None:
@@ -294,111 +191,3 @@ def test_workers_read_for_themselves(tmp_path: Path) -> None:
         os._exit(int(not np.array_equal(files[2][0], before) or files[3][0] is None))
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     assert files[2][0] is before
-
-
-def spoil_json(root: Path) -> Path:
-    path = root / "annotations" / "instances_train2017.json"
-    path.write_text(path.read_text().replace('"bbox": [30.0, 20.0, 40.5, 40.25]', '"bbox": [30.0, 20.0, 40.5]'))
-    return path
-
-
-def spoil_image_id(root: Path) -> Path:
-    path = root / "annotations" / "instances_train2017.json"
-    path.write_text(path.read_text().replace('"image_id": 10', '"image_id": 77'))
-    return path
-
-
-def spoil_runs(root: Path) -> Path:
-    path = root / "annotations" / "instances_train2017.json"
-    path.write_text(path.read_text().replace('"counts": [1210', '"counts": [1211'))
-    return path
-
-
-def spoil_xml(root: Path) -> Path:
-    path = sorted(root.rglob("000003.xml"))[1]
-    path.write_text(path.read_text().replace("<xmax>62</xmax>", "<xmax>wide</xmax>"))
-    return path
-
-
-def spoil_tags(root: Path) -> Path:
-    path = sorted(root.rglob("000001.xml"))[0]
-    path.write_text(path.read_text()[:-9])
-    return path
-
-
-def spoil_box(root: Path) -> Path:
-    path = root / "train" / "GOT-10k_Train_000002" / "groundtruth.txt"
-    path.write_text(path.read_text().replace("22.5000,", "", 1))
-    return path
-
-
-def spoil_count(root: Path) -> Path:
-    folder = root / "train" / "GOT-10k_Train_000001"
-    (folder / "00000006.jpg").unlink()
-    return folder / "groundtruth.txt"
-
-
-def spoil_labels(root: Path) -> Path:
-    path = root / "train" / "GOT-10k_Train_000001" / "absence.label"
-    path.write_text("0\n1\n")
-    return path
-
-
-def spoil_list(root: Path) -> Path:
-    path = root / "tri_trainlist.txt"
-    path.write_text("00001/0001\nreadme\n")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("kind", "spoil", "what"),
-    [
-        ("coco", spoil_json, r"length 4.*\$\.annotations\[0\]\.bbox"),
-        ("coco", spoil_image_id, "annotation 2 is of image 77"),
-        ("coco", spoil_runs, "annotation 2: segmentation: run lengths of 19201 px for a picture of 160 x 120"),
-        ("vid", spoil_xml, "could not convert string to float: 'wide'"),
-        ("vid", spoil_tags, "unclosed token|not well-formed|no element"),
-        ("got10k", spoil_box, r"line 3: '30.0000,40.2500,35.0000' is not x,y,w,h"),
-        ("got10k", spoil_count, "6 boxes for 5 pictures"),
-        ("got10k", spoil_labels, "2 lines for 6 boxes"),
-        ("vimeo", spoil_list, "'readme' is no sequence like 00001/0001"),
-    ],
-)
-def test_a_bad_annotation_is_named(tmp_path: Path, kind: str, spoil, what: str) -> None:
-    root = WRITERS[kind](tmp_path / kind)
-    path = spoil(root)
-    with pytest.raises(DatasetError, match=what) as error:
-        one(kind, root)
-    assert str(error.value).startswith(str(path))
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("kind", WRITERS)
-def test_a_missing_root_is_named(tmp_path: Path, kind: str) -> None:
-    with pytest.raises(DatasetError, match=rf"^{tmp_path}/nowhere: no such folder"):
-        one(kind, tmp_path / "nowhere")
-
-
-@pytest.mark.parametrize(
-    ("source", "what"),
-    [
-        ("empty", "no picture to train on"),
-        ("nopack.tar", r"nopack.tar: no such pack"),
-        ({"dataset": "lasot", "root": "x"}, "dataset = 'lasot': known are coco, vid, got10k, vimeo"),
-        ({"dataset": "coco"}, "coco has no root"),
-        ({"dataset": "coco", "root": "x", "frobnicate": 1}, "unknown key 'frobnicate'"),
-        ({"dataset": "coco", "root": "x", "limit": 0}, "limit = 0"),
-        ({"dataset": "coco", "root": "x", "subset": 7}, "subset = 7"),
-    ],
-)
-def test_an_unusable_source_is_named(tmp_path: Path, source, what: str) -> None:
-    if source == "empty":
-        write_pack(tmp_path / "empty", split="val")
-    with pytest.raises(DatasetError, match=what):
-        load_sources([source], tmp_path)
-
-
-def test_credits_name_the_sets() -> None:
-    credit = credits_of_sets(["shard1.tar", {"dataset": "vid", "root": "a"}, {"dataset": "vid", "root": "b"}])
-    assert [c["part"] for c in credit] == ["vid"]
-    assert "not commercial" in credit[0]["licence"]
