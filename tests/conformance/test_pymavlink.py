@@ -11,7 +11,8 @@ from control.engagement import State
 from gcs.errors import SelectionError
 from gcs.operator.orders import Abort, Confirm, Deselect, Record, Select, SelectPoint, SetMode, SetStandoff
 from tests.conformance import checks
-from tests.conformance.checks import BOX, NotApplicableError, read_parameters, selected, set_parameter
+from tests.conformance.acts import BOX, read_parameters, selected, set_parameter
+from tests.conformance.checks import NotApplicableError
 from tests.conformance.client import ACCEPTED, DENIED, REJECTED, Client, value_bytes
 from tests.conformance.conftest import SYSTEM_ID, running_camera, slow
 
