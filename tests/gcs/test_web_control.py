@@ -4,21 +4,7 @@ from __future__ import annotations
 
 from gcs.errors import GcsError
 from gcs.operator.lease import LEASE_S
-from tests.gcs.web_rig import Browser, web_rig
-
-
-def done(rig) -> list[str]:
-    return [type(order).__name__ for order in rig.station.orders]
-
-
-async def select(rig, browser: Browser) -> dict:
-    return await browser.ask("select", box=[10, 20, 30, 40], frame=rig.station.frames.newest.seq)
-
-
-async def held(rig, browser: Browser, held_s: float = 1.0) -> dict:
-    assert (await browser.ask("hold_begin"))["ok"]
-    rig.clock.advance(held_s)
-    return await browser.ask("confirm")
+from tests.gcs.web_rig import done, held, select, web_rig
 
 
 class TestConfirm:

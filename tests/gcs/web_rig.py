@@ -123,3 +123,17 @@ async def web_rig(
             yield rig
         finally:
             await page.close()
+
+
+def done(rig) -> list[str]:
+    return [type(order).__name__ for order in rig.station.orders]
+
+
+async def select(rig, browser: Browser) -> dict:
+    return await browser.ask("select", box=[10, 20, 30, 40], frame=rig.station.frames.newest.seq)
+
+
+async def held(rig, browser: Browser, held_s: float = 1.0) -> dict:
+    assert (await browser.ask("hold_begin"))["ok"]
+    rig.clock.advance(held_s)
+    return await browser.ask("confirm")
