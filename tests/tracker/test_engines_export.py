@@ -15,9 +15,10 @@ import torch
 
 from tests.tracker.conftest import TINY, random_network
 from tracker.configs import TrackerConfig, Variant
+from tracker.engines.correlations import without_correlations
 from tracker.engines.eager import EagerEngine
 from tracker.engines.engine import EngineError, Patch
-from tracker.engines.export import Graphs, export
+from tracker.engines.export import SEARCH_PX, Graphs, export
 from tracker.engines.export_files import MANIFEST, read_graphs, write_graphs
 from tracker.engines.exported import ExportedEngine
 from tracker.engines.onnxruntime import ONNXRuntimeEngine
@@ -51,6 +52,19 @@ def needed(engine_type: type[ExportedEngine]) -> type[ExportedEngine]:
     if importlib.util.find_spec(engine_type.runtime) is None:
         pytest.skip(f"{engine_type.runtime} is not installed")
     return engine_type
+
+
+def test_correlations_are_found_and_left_out(graphs: Graphs) -> None:
+    pytest.importorskip("onnx")
+    rest, found = without_correlations(graphs.compare)
+    assert [(each.search, each.template) for each in found] == [
+        ("search_layer4", "template_layer4"),
+        ("search_layer5", "template_layer5"),
+        ("latent_layer5", "template_layer5"),
+    ]
+    assert len(rest) < len(graphs.compare)
+    embed = graphs.embed[SEARCH_PX]
+    assert without_correlations(embed) == (embed, ())
 
 
 @each_engine

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import torch
+
+from tracker.engines.correlations import without_correlations
 from tracker.engines.exported import Array, ExportedEngine, Run
+from tracker.network.correlation import correlate
 
 
 class ONNXRuntimeEngine(ExportedEngine):
@@ -25,11 +29,16 @@ class ONNXRuntimeEngine(ExportedEngine):
         options.log_severity_level = 3  # errors
         # A thread that waits for the next frame shall leave its core to those that have work.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        session = self._module.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+        # PyTorch correlates six times as fast as this runtime, which lays out only kernels it knows beforehand.
+        rest, correlations = without_correlations(graph)
+        session = self._module.InferenceSession(rest, options, providers=["CPUExecutionProvider"])
         names = [each.name for each in session.get_inputs()]
 
         def run(inputs: Mapping[str, Array]) -> list[Array]:
-            results: list[Array] = session.run(None, {name: inputs[name] for name in names})
+            given = dict(inputs)
+            for search, template, name in correlations:
+                given[name] = correlate(torch.from_numpy(inputs[search]), torch.from_numpy(inputs[template])).numpy()
+            results: list[Array] = session.run(None, {name: given[name] for name in names})
             return results
 
         return run
