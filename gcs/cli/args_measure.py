@@ -66,6 +66,7 @@ def _add_bench_track(kinds: Commands) -> None:
         examples=(
             "gcs bench track UAV123_10fps --results boxes --jobs 4",
             "gcs bench track video.mp4 --boxes truth.txt",
+            "gcs bench track UAV123_10fps --sre --jobs 4",
             "gcs bench track OTB100 --against AutoTrack=boxes/autotrack --plots figures",
         ),
     )  # fmt: skip
@@ -86,6 +87,7 @@ def _add_bench_track(kinds: Commands) -> None:
         "--jobs", type=int, default=1, metavar="N", help="processes, one thread each (default: 1, all threads)"
     )
     p.add_argument("--cluster", metavar="ADDRESS", help="a Dask scheduler (tcp://HOST:8786) whose workers do it")
+    p.add_argument("--sre", action="store_true", help="from twelve first boxes that are a little off, as drawn by hand")
     p.add_argument("--latency", action="store_true", help="score late answers late too, without and with prediction")
     p.add_argument("--fps", type=float, metavar="F", help="with --latency: rate of frames (default: the sequence's)")
     p.add_argument(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tracker.eval.benchmark import Results
     from tracker.eval.datasets import Dataset
     from tracker.eval.latency import LatencyConfig
-    from tracker.eval.run import Outcome
+    from tracker.eval.run import Job, Outcome
     from tracker.eval.store import Store
 
 
@@ -61,13 +61,17 @@ def track(args: argparse.Namespace) -> int:
         raise ConfigError(f"--threads {args.threads}: must be 1 or more")
     if args.cluster is not None and args.latency:
         raise ConfigError("--latency with --cluster: times on shared workers say nothing; run it on one machine")
+    if args.sre and (args.latency or args.against or args.attributes or args.plots):
+        raise ConfigError("--sre goes without --latency, --against, --attributes and --plots")
     others = [_named(text, "--against") for text in args.against]
     latency = _latency(args)
     dataset = _dataset(args)
     weights = args.weights or args.config or "compact"
-    store = _store(args, weights, latency, dataset)
     threads = 1 if args.jobs > 1 or args.cluster is not None else args.threads
     job = Job(Shipped(weights, args.engine, threads, _latent(args), args.graphs), threads, latency)
+    if args.sre:
+        return _sre(args, job, dataset, weights)
+    store = _store(args, weights, latency, dataset)
     _header(args)
     ours = run_benchmark(
         "ClimRT",
@@ -80,6 +84,34 @@ def track(args: argparse.Namespace) -> int:
     )
     trackers = [ours, *(_read(name, folder, dataset) for name, folder in others)]
     return _close(args, dataset, trackers)
+
+
+def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, weights: str) -> int:
+    """From twelve first boxes that are a little off: a line each, their mean and deviation."""
+    from dataclasses import replace
+
+    from tracker.eval.benchmark import run_benchmark
+    from tracker.eval.report import start_line, starts_lines
+    from tracker.eval.starts import SRE
+
+    passes: list[Results] = []
+    for start in SRE:
+        store = _store(args, weights, None, dataset, start.name)
+        if not passes:
+            _header(args)  # only after weights that are refused
+        from_there = replace(job, start=start)
+        results = run_benchmark(
+            "ClimRT", from_there, dataset, lambda outcome: None, store=store, jobs=args.jobs, cluster=args.cluster
+        )
+        if results.outcomes:
+            passes.append(results)
+            print(start_line(start.name, results, as_json=args.json), flush=True)
+    if passes:
+        print(*starts_lines(passes, as_json=args.json), sep="\n")
+    broken = dict.fromkeys(one_line(each.reason) for each in (*dataset.broken, *(b for p in passes for b in p.broken)))
+    for reason in broken:
+        print(f"gcs: {reason}", file=sys.stderr)
+    return EXIT_USAGE if broken else 0
 
 
 def score(args: argparse.Namespace) -> int:
@@ -158,7 +190,9 @@ def _latent(args: argparse.Namespace) -> LatentProvider | None:
     return None if args.latent is None else LatentProvider(args.latent)
 
 
-def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None, dataset: Dataset) -> Store | None:
+def _store(
+    args: argparse.Namespace, weights: str, latency: LatencyConfig | None, dataset: Dataset, start: str = ""
+) -> Store | None:
     """Where results are kept, if at all; loads the weights once, so that bad ones are refused before anything runs."""
     from tracker.eval.datasets import Layout
     from tracker.eval.store import Store
@@ -177,7 +211,9 @@ def _store(args: argparse.Namespace, weights: str, latency: LatencyConfig | None
     settings = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
     if args.engine != "torch":  # what was kept before there were others goes on
         settings["engine"] = args.engine if args.graphs is None else f"{args.engine} {args.graphs}"
-    return Store(Path(args.results), settings, as_got10k=dataset.layout is Layout.GOT10K)
+    if start:
+        settings["start"] = start
+    return Store(Path(args.results) / start, settings, as_got10k=dataset.layout is Layout.GOT10K)
 
 
 def _read(name: str, folder: Path, dataset: Dataset) -> Results:

@@ -54,6 +54,27 @@ def test_track_against_others_with_everything(
     assert np.loadtxt(tmp_path / "ours" / "b.txt", delimiter=",").shape == (8, 4)
 
 
+def test_twelve_starts_their_mean_and_deviation(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["bench", "track", str(dataset), "--sre", "--results", str(tmp_path / "ours")]
+    assert cli.main([*argv, "--json"]) == 0
+    *rows, last = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert len({row["start"] for row in rows}) == len(rows) == 12
+    assert (last["start"], last["starts"]) == ("mean", 12)
+    assert last["auc"] == pytest.approx(np.mean([row["auc"] for row in rows]), abs=1e-4)
+    assert last["std"]["auc"] == pytest.approx(np.std([row["auc"] for row in rows]), abs=2e-4)
+    assert (tmp_path / "ours" / "up-left" / "b.txt").is_file()
+    assert cli.main(argv) == 0  # from what is kept
+    shown = capsys.readouterr().out
+    assert "scale-1.2" in shown
+    assert "mean (12 starts)" in shown
+    assert "standard deviation" in shown
+    (dataset / "a" / "groundtruth.txt").write_text("1,2,3\n")
+    assert cli.main(argv) == EXIT_USAGE
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 def test_a_broken_sequence_is_reported_at_the_end(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (dataset / "a" / "groundtruth.txt").write_text("1,2,3\n")
     assert cli.main(["bench", "track", str(dataset), "--json"]) == EXIT_USAGE
@@ -68,6 +89,7 @@ def test_bad_arguments_are_one_line(dataset: Path, tmp_path: Path, capsys: pytes
     d = str(dataset)
     assert "must be NAME=DIR" in refused(capsys, "track", d, "--against", "x")
     assert "must be 1 or more" in refused(capsys, "track", d, "--jobs", "0")
+    assert "--sre goes without" in refused(capsys, "track", d, "--sre", "--latency")
     assert "belong to --latency" in refused(capsys, "track", d, "--fps", "30")
     assert "must be above zero" in refused(capsys, "track", d, "--latency", "--slower", "0")
     assert "none of index, uav123" in refused(capsys, "track", d, "--dataset", "imagenet")

@@ -56,6 +56,26 @@ def late_lines(results: Results) -> Iterator[str]:
     yield f"  frames skipped {100 * np.mean([each.skipped for each in late]):.1f} % (frames arrive at {clock} fps)"
 
 
+def start_line(start: str, results: Results, *, as_json: bool) -> str:
+    """The mean over sequences from one kind of first box."""
+    if as_json:
+        return json.dumps({"start": start} | _figures(list(results.outcomes)) | {"sequences": len(results.outcomes)})
+    return _row(start, mean_score(o.score for o in results.outcomes), _mean_fps(results.outcomes))
+
+
+def starts_lines(passes: list[Results], *, as_json: bool) -> Iterator[str]:
+    """The mean over all first boxes, and how far they lie apart."""
+    means = [mean_score(o.score for o in each.outcomes) for each in passes]
+    deviation = {key: round(float(np.std([asdict(mean)[key] for mean in means])), 4) for key in asdict(means[0])}
+    if as_json:
+        yield json.dumps({"start": "mean", "starts": len(means)} | _rounded(mean_score(means)) | {"std": deviation})
+        return
+    yield _row(f"mean ({len(means)} starts)", mean_score(means), float("nan"))
+    yield "standard deviation       " + "{auc:.4f} {precision:.4f} | {auc_valid:.4f} {precision_valid:.4f}".format(
+        **deviation
+    )
+
+
 def attribute_lines(sequences: tuple[Sequence, ...], trackers: list[Results], *, as_json: bool) -> Iterator[str]:
     """Precision and success of the sequences with each attribute, a column per tracker."""
     table = by_attribute(sequences)

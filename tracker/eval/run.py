@@ -16,6 +16,7 @@ from tracker.crop import Image
 from tracker.eval.latency import LatencyConfig, LateOutcome, track_late
 from tracker.eval.ope import Score, score
 from tracker.eval.sequences import Sequence
+from tracker.eval.starts import EXACT, Start
 
 
 class Tracker(Protocol):
@@ -62,11 +63,16 @@ class Shipped:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """How each sequence is run. threads: CPU threads for PyTorch, None leaves them; latency: score that too."""
+    """How each sequence is run.
+
+    threads: CPU threads for PyTorch, None leaves them. latency: score that too, from the true first box. start: what
+    is done to the first box.
+    """
 
     make_tracker: Callable[[], Tracker]
     threads: int | None = None
     latency: LatencyConfig | None = None
+    start: Start = EXACT
 
     def run(self, sequence: Sequence, on_frame: Callable[[], object] | None = None) -> Outcome:
         """One sequence with a tracker of its own, so that none can carry over to the next."""
@@ -74,21 +80,23 @@ class Job:
             import torch
 
             torch.set_num_threads(self.threads)
-        outcome = run_sequence(self.make_tracker(), sequence, on_frame)
+        outcome = run_sequence(self.make_tracker(), sequence, on_frame, self.start)
         if self.latency is None:
             return outcome
         late = track_late(self.make_tracker, sequence, outcome.boxes_xywh, outcome.times_s, self.latency)
         return Outcome(outcome.name, outcome.boxes_xywh, outcome.score, outcome.fps, outcome.times_s, late)
 
 
-def run_sequence(tracker: Tracker, sequence: Sequence, on_frame: Callable[[], object] | None = None) -> Outcome:
+def run_sequence(
+    tracker: Tracker, sequence: Sequence, on_frame: Callable[[], object] | None = None, start: Start = EXACT
+) -> Outcome:
     """One pass: the first box is given, the rest is the tracker's own. on_frame is called after each frame."""
     boxes: list[tuple[float, float, float, float]] = []
     times_s: list[float] = []
     for i, image in enumerate(sequence.images()):
         began = time.perf_counter()
         if i == 0:
-            first = Box.from_xywh(*(float(v) for v in sequence.truth_xywh[0]))
+            first = start.of(Box.from_xywh(*(float(v) for v in sequence.truth_xywh[0])))
             tracker.init(image, first)
             boxes.append(first.xywh)
         else:
