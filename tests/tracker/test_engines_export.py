@@ -110,6 +110,13 @@ def test_a_missing_package_is_one_line(engine_type: type[ExportedEngine], monkey
         engine_type(random_network(), threads=1)
 
 
+def test_the_reader_of_graphs_is_as_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    needed(ONNXRuntimeEngine)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(EngineError, match=r"package onnx is not installed: pip .*-gcs\[onnx\]'$"):
+        ONNXRuntimeEngine(random_network(), threads=1)
+
+
 @each_engine
 def test_from_files(engine_type: type[ExportedEngine], graphs: Graphs, tmp_path: Path) -> None:
     written = write_graphs(tmp_path, graphs, {"weights": "tiny"})
