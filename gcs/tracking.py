@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from gcs.config import TrackerConfig
+from gcs.errors import one_line
 from gcs.video.frame import Image
 from tracker.box import Box, TrackResult
 
@@ -47,20 +48,33 @@ def make_tracker(config: TrackerConfig, say: Callable[[str], object] = log.info)
     Raises tracker.weights.WeightsError, tracker.engines.engine.EngineError, one line.
     """
     # PyTorch costs seconds and hundreds of MB: only here, when a tracker is really wanted.
-    from gcs.engine_choice.choice import chosen
-    from tracker.configs import LatentProvider
-    from tracker.weights import load_tracker
+    from gcs.engine_choice.choice import applied, choose_anew, chosen
+    from tracker.engines.engine import EngineError
 
     cv2.setNumThreads(1)  # what it does for a picture is little; its pool would take cores from engine and decoder
-    config = chosen(config, say)
-    assert config.weights is not None
-    assert config.engine is not None
-    latent = None if config.latent is None else LatentProvider(config.latent.value)
-    tracker = load_tracker(
-        config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads,
-        engine=config.engine.value, graphs=config.graphs,
-    )  # fmt: skip
+    decided = chosen(config, say)
+    try:
+        tracker = _loaded(decided)
+    except (EngineError, RuntimeError, ImportError) as error:
+        if config.engine is not None:
+            raise
+        say(f"tracker: what was best here no longer runs: {one_line(error)}")
+        tracker = _loaded(applied(config, choose_anew(config, say)[1].candidate))
     something = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
     tracker.init(something, Box(320.0, 240.0, 48.0, 48.0))  # else the first selection is what waits for PyTorch
     tracker.update(something)
     return tracker
+
+
+def _loaded(config: TrackerConfig) -> BoxTracker:
+    """By a configuration that leaves nothing open."""
+    from tracker.configs import LatentProvider
+    from tracker.weights import load_tracker
+
+    assert config.weights is not None
+    assert config.engine is not None
+    latent = None if config.latent is None else LatentProvider(config.latent.value)
+    return load_tracker(
+        config.weights, latent=latent, latent_interval=config.latent_interval, threads=config.threads,
+        engine=config.engine.value, graphs=config.graphs,
+    )  # fmt: skip

@@ -178,10 +178,9 @@ def load_parts(path: str | Path, network: ClimRT) -> tuple[str, ...]:
 
 def find_weights(name_or_path: str | Path) -> Path:
     """The file of shipped weights by name, or the path itself. Raises WeightsError for a name that is none."""
-    path = Path(name_or_path)
-    if path.suffix == ".safetensors" or path.exists():
+    path, shipped = Path(name_or_path), DATA / f"{name_or_path}.safetensors"
+    if path.suffix == ".safetensors" or (path.is_file() and not shipped.is_file()):
         return path
-    shipped = DATA / f"{name_or_path}.safetensors"
     if not shipped.is_file():
         names = ", ".join(sorted(p.stem for p in DATA.glob("*.safetensors"))) or "none"
         raise WeightsError(f"{name_or_path}: no shipped weights of that name (there are: {names})")
@@ -199,9 +198,9 @@ def load_tracker(
 ) -> ClimRTTracker:
     """A tracker ready for init: shipped weights by name ("compact"), or a .safetensors file by path.
 
-    latent, latent_interval: override the manifest's. threads: CPU threads of the engine. graphs: folder of what was
-    exported from these weights, to be run as it is. Raises WeightsError, EngineError, and ConfigError for
-    latent = climnet with weights that hold no ClimNet.
+    latent, latent_interval: override the manifest's. threads: CPU threads of the engine; None: as many as PyTorch has,
+    for another engine one. graphs: folder of what was exported from these weights, to be run as it is. Raises
+    WeightsError, EngineError, and ConfigError for latent = climnet with weights that hold no ClimNet.
     """
     path = find_weights(name_or_path)
     manifest = read_manifest(path)
@@ -212,12 +211,13 @@ def load_tracker(
         confidence = manifest.confidence
     except ConfidenceError as error:
         raise WeightsError(f"{_manifest_path(path)}: {error}") from error
+    count = threads or (torch.get_num_threads() if engine == TORCH else 1)
     # What PyTorch still does beside another engine is little, and its threads would be in the way.
     threads_of_torch = threads if engine == TORCH else 1
     network = load_network(path) if graphs is None else read_graphs(graphs, weights_sha256=manifest.sha256)
-    runs = make_engine(engine, network, threads, climnet=config.latent is LatentProvider.CLIMNET)
+    runs = make_engine(engine, network, count, climnet=config.latent is LatentProvider.CLIMNET)
     tracker = ClimRTTracker(runs, config, confidence=confidence, threads=threads_of_torch)
-    tracker.loaded = Loaded(str(name_or_path), manifest.sha256, runs.name, threads or torch.get_num_threads())
+    tracker.loaded = Loaded(str(name_or_path), manifest.sha256, runs.name, count)
     return tracker
 
 

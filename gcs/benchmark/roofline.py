@@ -10,12 +10,11 @@ import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from gcs.benchmark.stages_tracker import COMPARE, EMBED, IMAGINE, LESSON, RESPONSE, TEMPLATE, label, measured
+from gcs.benchmark.stages_tracker import COMPARE, EMBED, IMAGINE, LESSON, RESPONSE, TEMPLATE, engines, label, measured
 from gcs.benchmark.timing import Figure
 from gcs.benchmark.trackers import Weights, full, shipped
 from tracker.configs import TrackerConfig
 from tracker.correlation_filter import REGION, FilterConfig
-from tracker.engines.catalogue import available_engines
 from tracker.engines.eager import EagerEngine
 from tracker.network.cost import cost
 
@@ -64,7 +63,7 @@ def bound_by(ms: float, compute_ms: float, memory_ms: float) -> str:
 def _works() -> Iterator[tuple[str, Work]]:
     for weights in measured():
         found = works(weights, climnet=weights != full())
-        for engine in available_engines():
+        for engine in engines():
             yield from ((label(stage, weights.name, engine), work) for stage, work in found.items())
     yield from _filter_works(shipped()[0])
 

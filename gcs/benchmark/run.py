@@ -143,7 +143,7 @@ class _Bench:
         quick, counts = self._counts.quick, self._counts.threads
         ceilings = dict(machine.cases(counts))
         groups = {
-            "stages of the tracker": list(stages_tracker.cases(quick=quick)),
+            "stages of the tracker": list(stages_tracker.cases(self._note, quick=quick)),
             "stages of the station": list(stages_station.cases(self._note, quick=quick)),
             "machine": list(ceilings),
         }

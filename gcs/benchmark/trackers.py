@@ -43,11 +43,15 @@ class OnFilm:
 
     def __init__(
         self, name: str, film: Film, make: Callable[[], Contestant], *, threads: int = 1, frames: int = _MANY,
-        warm: int = _WARM, most_turns: int | None = None,
+        warm: int = _WARM, most_turns: int | None = None, beside: int | None = None,
     ) -> None:  # fmt: skip
-        """make: called at the first turn. frames: timed in each turn, after `warm` more."""
+        """make: called at the first turn. frames: timed in each turn, after `warm` more.
+
+        beside: threads of PyTorch and OpenCV, where they are not those that are counted.
+        """
         self._turns_left = most_turns
         self.name, self.threads = name, threads
+        self._beside = beside or threads
         self._film, self._make, self._frames, self._warm = film, make, frames, warm
         self._tracker: Contestant | None = None
         self._next = 0
@@ -58,7 +62,7 @@ class OnFilm:
             return []
         if self._turns_left is not None:
             self._turns_left -= 1
-        use_threads(self.threads)
+        use_threads(self._beside)
         samples = [self._step() for _ in range(self._warm + self._frames)]
         return samples[self._warm :]
 
@@ -167,7 +171,8 @@ def _case(
         return weights.tracker(engine, threads, latent)
 
     frames, warm = (_FEW, 1) if few else (_MANY, _WARM)
-    return OnFilm(name, film, make, threads=threads, frames=frames, warm=warm)
+    beside = None if engine == TORCH else 1  # as load_tracker has it
+    return OnFilm(name, film, make, threads=threads, frames=frames, warm=warm, beside=beside)
 
 
 def of_opencv(

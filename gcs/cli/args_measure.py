@@ -80,11 +80,13 @@ def _add_bench_track(kinds: Commands) -> None:
         "--latent", choices=("climnet", "previous", "off"), help="the latent frame (default: the weights' own)"
     )
     p.add_argument("--graphs", metavar="DIR", help="run what gcs weights export has made of the weights")
-    p.add_argument("--threads", type=int, metavar="N", help="CPU threads of the engine (default: the engine's own)")
+    p.add_argument(
+        "--threads", type=int, metavar="N", help="CPU threads of the engine (default: all for torch, else 1)"
+    )
     p.add_argument("--results", metavar="DIR", help="keep the boxes there as text; a run broken off goes on from them")
     p.add_argument("--against", metavar="NAME=DIR", action="append", default=[], help="another tracker's boxes; repeat")
     p.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="processes, one thread each (default: 1, all threads)"
+        "--jobs", type=int, default=1, metavar="N", help="processes, one thread each (default: 1, with --threads)"
     )
     p.add_argument("--cluster", metavar="ADDRESS", help="a Dask scheduler (tcp://HOST:8786) whose workers do it")
     p.add_argument("--sre", action="store_true", help="from twelve first boxes that are a little off, as drawn by hand")

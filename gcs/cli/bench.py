@@ -87,7 +87,7 @@ def track(args: argparse.Namespace) -> int:
 
 
 def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, weights: str) -> int:
-    """From twelve first boxes that are a little off: a line each, their mean and deviation."""
+    """From twelve first boxes that are a little off: a line each; mean and deviation over what all could score."""
     from dataclasses import replace
 
     from tracker.eval.benchmark import run_benchmark
@@ -95,22 +95,23 @@ def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, weights: str) -> 
     from tracker.eval.starts import SRE
 
     passes: list[Results] = []
-    for start in SRE:
-        store = _store(args, weights, None, dataset, start.name)
-        if not passes:
-            _header(args)  # only after weights that are refused
+    broken: dict[str, str] = {}
+    stores = [_store(args, weights, None, dataset, start.name) for start in SRE]
+    _header(args)
+    for start, store in zip(SRE, stores, strict=True):
         from_there = replace(job, start=start)
         results = run_benchmark(
             "ClimRT", from_there, dataset, lambda outcome: None, store=store, jobs=args.jobs, cluster=args.cluster
         )
+        passes.append(results)
+        broken |= {each.name: f"{each.reason} (start {start.name})" for each in results.broken}
         if results.outcomes:
-            passes.append(results)
             print(start_line(start.name, results, as_json=args.json), flush=True)
-    if passes:
-        print(*starts_lines(passes, as_json=args.json), sep="\n")
-    broken = dict.fromkeys(one_line(each.reason) for each in (*dataset.broken, *(b for p in passes for b in p.broken)))
-    for reason in broken:
-        print(f"gcs: {reason}", file=sys.stderr)
+    whole = [replace(each, outcomes=tuple(o for o in each.outcomes if o.name not in broken)) for each in passes]
+    if all(each.outcomes for each in whole):
+        print(*starts_lines(whole, as_json=args.json), sep="\n")
+    for reason in broken.values():
+        print(f"gcs: {one_line(reason)}", file=sys.stderr)
     return EXIT_USAGE if broken else 0
 
 
@@ -196,13 +197,12 @@ def _store(
     """Where results are kept, if at all; loads the weights once, so that bad ones are refused before anything runs."""
     from tracker.eval.datasets import Layout
     from tracker.eval.store import Store
-    from tracker.weights import DATA, load_tracker, read_manifest
+    from tracker.weights import find_weights, load_tracker, read_manifest
 
     config = load_tracker(
         weights, engine=args.engine, threads=args.threads, latent=_latent(args), graphs=args.graphs
     ).config
-    shipped = DATA / f"{weights}.safetensors"
-    manifest = read_manifest(shipped if not Path(weights).exists() and shipped.is_file() else weights)
+    manifest = read_manifest(find_weights(weights))
     if args.config is not None and manifest.network.name != args.config:
         raise ConfigError(f"{weights}: holds the network '{manifest.network.name}', not '{args.config}'")
     if args.results is None:

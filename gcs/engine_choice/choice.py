@@ -6,8 +6,11 @@ machine decodes, controls, records and shows.
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import msgspec
@@ -62,8 +65,7 @@ def chosen(config: TrackerConfig, say: Say) -> TrackerConfig:
     if None not in (config.weights, config.engine, config.threads):
         return config
     candidates = _candidates(config)
-    known = {each.candidate: each for each in remembered()}
-    measured = [known[each] for each in candidates if each in known] or _measure_all(candidates, say)
+    measured = _measured(candidates, {each.candidate: each for each in remembered()}, say)
     best = choose(measured, config.fps, _scores(candidates))
     rate = f"{1000 / best.update_ms:.0f} pictures a second"
     slow = "" if best.update_ms <= 1000 / config.fps else f"; {config.fps:g} were wanted: a slower video, or a GPU"
@@ -74,7 +76,7 @@ def chosen(config: TrackerConfig, say: Say) -> TrackerConfig:
 def choose_anew(config: TrackerConfig, say: Say) -> tuple[list[Measured], Measured]:
     """Measure again, whatever is remembered: all that runs here, and the one to take."""
     candidates = _candidates(config)
-    measured = _measure_all(candidates, say)
+    measured = _measured(candidates, {}, say)
     return measured, choose(measured, config.fps, _scores(candidates))
 
 
@@ -93,8 +95,9 @@ def _candidates(config: TrackerConfig) -> list[Candidate]:
     threads = [config.threads] if config.threads is not None else [n for n in _THREADS if n <= usable_cores()]
     engines = [config.engine.value] if config.engine is not None else available_engines()
     return [
-        Candidate(weights, engine, count, latent, config.graphs)
+        Candidate(weights, engine, count, latent, config.graphs, content)
         for weights in ([config.weights] if config.weights is not None else _shipped())
+        for content in [_content(weights, config.graphs)]
         for latent in _latents(weights, config)
         for engine in engines
         for count in (threads if engine not in ON_DEVICE else threads[:1])
@@ -105,6 +108,20 @@ def _shipped() -> list[str]:
     from tracker.weights import DATA
 
     return sorted(path.stem for path in DATA.glob("*.safetensors"))
+
+
+def _content(weights: str, graphs: str | None) -> str:
+    """What files of the user's own hold; empty for what ships, which changes with the version alone."""
+    from tracker.engines.export_files import MANIFEST
+    from tracker.weights import DATA, find_weights, read_manifest
+
+    path, found = find_weights(weights), []
+    if path.parent != DATA:
+        found.append(read_manifest(path).sha256)
+    if graphs is not None:
+        with contextlib.suppress(OSError):  # whoever loads them says so
+            found.append(hashlib.sha256((Path(graphs) / MANIFEST).read_bytes()).hexdigest())
+    return " ".join(found)
 
 
 def _latents(weights: str, config: TrackerConfig) -> list[str | None]:
@@ -141,22 +158,29 @@ def _scores(candidates: Sequence[Candidate]) -> dict[tuple[str, str | None], flo
     }
 
 
-def _measure_all(candidates: Sequence[Candidate], say: Say) -> list[Measured]:
-    """Each that runs, kept for the next start; an engine that does not is said and left out.
+def _measured(candidates: Sequence[Candidate], known: dict[Candidate, Measured], say: Say) -> list[Measured]:
+    """Each that runs, those not known yet measured and kept for the next start.
 
-    Raises WeightsError; EngineError where none runs.
+    What does not run is said and left out, and tried again at the next start. Raises WeightsError; EngineError where
+    none runs.
     """
     from tracker.engines.engine import EngineError
 
-    measured: list[Measured] = []
-    for number, each in enumerate(candidates):
+    missing = [each for each in candidates if each not in known]
+    failed: dict[str, str] = {}
+    for number, each in enumerate(missing):
         if number == 1:  # the weights are sound
-            say(f"measuring {len(candidates)} ways to track on this machine, once ...")
+            say(f"measuring {len(missing)} ways to track on this machine, once ...")
+        if each.engine in failed:
+            continue
         try:
-            measured.append(measure(each))
+            known[each] = measure(each)
         except (EngineError, RuntimeError, ImportError) as error:  # of a library that is installed but unusable
-            say(f"tracker: {each} does not run here: {one_line(error)}")
+            failed[each.engine] = one_line(error)
+            say(f"tracker: {each} does not run here: {failed[each.engine]}")
+    measured = [known[each] for each in candidates if each in known]
     if not measured:
-        raise EngineError(f"none of the {len(candidates)} ways to track runs here")
-    remember([*(each for each in remembered() if each.candidate not in candidates), *measured])
+        raise EngineError(f"none of the {len(candidates)} ways to track runs here: {'; '.join(failed.values())}")
+    if any(each in known for each in missing):
+        remember([*(each for each in remembered() if each.candidate not in candidates), *measured])
     return measured

@@ -18,13 +18,17 @@ _BOX: Final = Box(320.0, 180.0, 48.0, 40.0)
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One way to track; latent: None leaves it to the weights file."""
+    """One way to track; latent: None leaves it to the weights file.
+
+    content: tells files of the user's own, which may change under their name, from what they were.
+    """
 
     weights: str
     engine: str
     threads: int
     latent: str | None
     graphs: str | None = None
+    content: str = ""
 
     def __str__(self) -> str:
         latent = "" if self.latent is None else f", latent {self.latent}"

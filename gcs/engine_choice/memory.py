@@ -20,7 +20,7 @@ from gcs.result_file import result_file
 
 _KEPT: Final = 8  # machines (a home folder may be shared) and versions of the program
 _MOST_BYTES: Final = 1_000_000
-_PACKAGES: Final = ("climrt-gcs", "torch", "openvino", "onnxruntime", "opencv-python-headless", "numpy")
+_PACKAGES: Final = ("climrt-gcs", "torch", "openvino", "onnxruntime", "onnx", "opencv-python-headless", "numpy")
 _PASSING: Final = ("memory_mb", "platform")  # of a container, of a kernel's update
 log = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ class _File(msgspec.Struct):
 
 def remembered() -> list[Measured]:
     """What is known; nothing where the file is missing or unreadable, for it can be measured again."""
-    return _read().measured.get(_key(), [])
+    return [each for each in _read().measured.get(_key(), []) if each.update_ms > 0 and each.cpu_ms > 0]
 
 
 def remember(measured: Sequence[Measured]) -> None:
@@ -41,13 +41,14 @@ def remember(measured: Sequence[Measured]) -> None:
     known, key = _read().measured, _key()
     known.pop(key, None)
     known[key] = list(measured)
-    path = _path()
     try:
+        path = _path()
         path.parent.mkdir(parents=True, exist_ok=True)
         with result_file(path) as file:
             file.write(msgspec.json.encode(_File(dict(list(known.items())[-_KEPT:]))))
     except OSError as error:
-        log.warning("what was measured of the tracker is not remembered: %s: %s", path, error.strerror or error)
+        where = error.filename or "cache"
+        log.warning("what was measured of the tracker is not remembered: %s: %s", where, error.strerror or error)
 
 
 def _read() -> _File:
@@ -59,10 +60,14 @@ def _read() -> _File:
 
 
 def _path() -> Path:
-    """CLIMRT_CACHE, or the system's place for what may be lost."""
-    own = os.environ.get("CLIMRT_CACHE")
-    cache = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
-    return (Path(own) if own else Path(cache) / "climrt-gcs") / "engines.json"
+    """CLIMRT_CACHE, or the system's place for what may be lost. OSError where there is none."""
+    if own := os.environ.get("CLIMRT_CACHE"):
+        return Path(own) / "engines.json"
+    cache = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        return (Path(cache) if cache else Path.home() / ".cache") / "climrt-gcs" / "engines.json"
+    except RuntimeError as error:  # a user of a container that has no home
+        raise OSError(str(error)) from error
 
 
 def _key() -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import Final
@@ -77,7 +77,17 @@ class Verdict:
 _CONTROL: Final = ("architecture", "numpy", "scipy", "filterpy")
 _BITS: Final = {
     Start.CONTROL: _CONTROL,
-    Start.TRACKER: (*_CONTROL, "cpu", "cpu_flags", "torch", "opencv-python-headless", "av", *NUMBER_VARIABLES),
+    Start.TRACKER: (
+        *_CONTROL,
+        "cpu",
+        "cpu_flags",
+        "torch",
+        "onnxruntime",
+        "openvino",
+        "opencv-python-headless",
+        "av",
+        *NUMBER_VARIABLES,
+    ),
 }
 _NAMES: Final = {"Tick": "decisions", "FrameRecord": "frames", "Expected": "expectations"}
 
@@ -172,6 +182,13 @@ def as_flown(config: TrackerConfig, facts: WeightsFacts | None) -> TrackerConfig
         raise ManifestError(f"the flight's tracker cannot be made again: {error}") from error
 
 
+def as_wanted(wanted: TrackerConfig, flown: TrackerConfig, facts: WeightsFacts | None) -> TrackerConfig:
+    """As flown, except for what is wanted otherwise than the flight's configuration had it."""
+    values = {each.name: getattr(wanted, each.name) for each in fields(wanted)}
+    changed = {name: value for name, value in values.items() if value != getattr(flown, name)}
+    return replace(as_flown(flown, facts), **changed)
+
+
 def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple[dict[int, Seen], str | None]:
     """Every frame through the tracker of this configuration, by number; and why it ended before the last, if it did."""
     film = Film(recorded.folder)
@@ -179,7 +196,7 @@ def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple
     if film.problem is not None:
         return seen, film.problem
     progress("loading the tracker")
-    tracker = make_tracker(as_flown(config.tracker, recorded.manifest.weights))
+    tracker = make_tracker(as_wanted(config.tracker, recorded.config.tracker, recorded.manifest.weights))
     eyes = EyesAgain(tracker, film.picture)
     total = len(recorded.log)
     try:

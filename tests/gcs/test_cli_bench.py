@@ -10,6 +10,7 @@ from gcs.cli import entry as cli
 from gcs.errors import EXIT_USAGE
 from gcs.pixel_kalman import PixelKalman
 from tests.tracker.eval_sets import MovingTracker, sequence_folder, truth, write_boxes
+from tracker.box import Box
 
 SHARED_EVAL = Path(__file__).parents[3] / "shared" / "data" / "eval"
 
@@ -73,6 +74,26 @@ def test_twelve_starts_their_mean_and_deviation(
     (dataset / "a" / "groundtruth.txt").write_text("1,2,3\n")
     assert cli.main(argv) == EXIT_USAGE
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_start_that_cannot_be_tracked_is_told_and_counts_in_no_mean(
+    dataset: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = MovingTracker.init
+
+    def init(self: MovingTracker, frame_bgr: object, box: Box) -> None:
+        if abs(box.w_px - 0.8 * truth(4)[0, 2]) < 1e-6:
+            raise ValueError("box: too small")
+        begin(self, frame_bgr, box)
+
+    monkeypatch.setattr(MovingTracker, "init", init)
+    assert cli.main(["bench", "track", str(dataset), "--sre"]) == EXIT_USAGE
+    shown = capsys.readouterr()
+    assert "scale-0.8" not in shown.out
+    assert "mean (12" not in shown.out  # neither sequence was scored from all of them
+    assert shown.out.count("sequence  ") == 1
+    told = [line for line in shown.err.splitlines() if line.startswith("gcs: ")]
+    assert [line.rsplit(": ", 1)[1] for line in told] == ["too small (start scale-0.8)"] * 2
 
 
 def test_a_broken_sequence_is_reported_at_the_end(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:

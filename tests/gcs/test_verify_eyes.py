@@ -18,7 +18,7 @@ from gcs.recorder.manifest import ManifestError, WeightsFacts
 from gcs.recorder.message_log import encoder
 from gcs.replay.log import FrameRow
 from gcs.verify.eyes import DivergedError, EyesAgain
-from gcs.verify.verify import as_flown
+from gcs.verify.verify import as_flown, as_wanted
 from gcs.video import Frame
 from gcs.video.frame import Image
 from gcs.vision_tape import Told
@@ -165,3 +165,13 @@ def test_the_engine_of_then_tracks_again_and_a_strange_one_is_told() -> None:
     assert as_flown(TrackerConfig(weights="mine", latent=Latent.CLIMNET), facts).weights == "mine"
     with pytest.raises(ManifestError, match="cannot be made again"):
         as_flown(TrackerConfig(), msgspec.structs.replace(facts, engine="abacus"))
+
+
+def test_what_is_wanted_otherwise_is_not_what_was_flown() -> None:
+    facts = WeightsFacts("compact", "0" * 64, 1, "torch", None)
+    flown = TrackerConfig()
+    assert as_wanted(flown, flown, facts) == as_flown(flown, facts)
+    found = as_wanted(replace(flown, engine=EngineName.OPENVINO, threads=4), flown, facts)
+    assert (found.weights, found.engine, found.threads) == ("compact", EngineName.OPENVINO, 4)
+    found = as_wanted(replace(flown, latent=Latent.OFF), flown, facts)
+    assert (found.engine, found.threads, found.latent) == (EngineName.TORCH, 1, Latent.OFF)

@@ -110,6 +110,17 @@ def test_a_missing_package_is_one_line(engine_type: type[ExportedEngine], monkey
         engine_type(random_network(), threads=1)
 
 
+@each_engine
+def test_a_package_that_is_broken_is_one_line(
+    engine_type: type[ExportedEngine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"{engine_type.runtime}.py").write_text("raise TypeError('protobuf of\\nanother age')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, engine_type.runtime, raising=False)
+    with pytest.raises(EngineError, match=rf"package {engine_type.runtime} cannot be used: another age$"):
+        engine_type(random_network(), threads=1)
+
+
 def test_the_reader_of_graphs_is_as_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     needed(ONNXRuntimeEngine)
     monkeypatch.setitem(sys.modules, "onnx", None)

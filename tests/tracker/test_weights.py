@@ -13,7 +13,7 @@ from tracker import weights
 from tracker.box import Box
 from tracker.configs import COMPACT, ConfigError, LatentProvider, TrackerConfig
 from tracker.network.climrt import ClimRT
-from tracker.weights import WeightsError, load_network, load_parts, load_tracker, read_manifest, save
+from tracker.weights import WeightsError, find_weights, load_network, load_parts, load_tracker, read_manifest, save
 
 TRACKER = TrackerConfig(latent=LatentProvider.CLIMNET, penalty_k=0.1)
 
@@ -66,6 +66,12 @@ def test_load_tracker_by_path_and_by_name(
 @pytest.fixture
 def frame_and_box() -> tuple[object, Box]:
     return torch.zeros(100, 100, 3, dtype=torch.uint8).numpy(), Box(50, 50, 20, 20)
+
+
+def test_a_folder_of_the_same_name_hides_nothing_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "compact").mkdir()
+    assert find_weights("compact").name == "compact.safetensors"
 
 
 def test_network_without_climnet(tmp_path: Path) -> None:

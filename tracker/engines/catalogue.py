@@ -28,17 +28,18 @@ def available_engines() -> list[str]:
 
     On a GPU in half precision, the nearest to the reference.
     """
-    found = [name for name in EXPORTED if importlib.util.find_spec(name) is not None]
+    found = [name for name, engine in EXPORTED.items() if all(map(importlib.util.find_spec, engine.packages))]
     return [*found, TORCH, *([f"cuda-{Precision.FP16.value}"] if torch.cuda.is_available() else [])]
 
 
 def make_engine(name: str, network: ClimRT | Graphs, threads: int | None = None, *, climnet: bool = True) -> Engine:
     """By its name, for a network on the CPU, or for graphs that were exported from one.
 
-    threads: of an engine that brings its own. climnet=False: it will not be asked to imagine. EngineError, one line.
+    threads: of an engine that brings its own, None: one. climnet=False: it will not be asked to imagine. Raises
+    EngineError, one line.
     """
     if name in EXPORTED:
-        return EXPORTED[name](network, threads=threads or torch.get_num_threads(), climnet=climnet)
+        return EXPORTED[name](network, threads=threads or 1, climnet=climnet)
     if not isinstance(network, ClimRT):
         raise EngineError(f"engine {name}: runs no exported graphs; {' and '.join(EXPORTED)} do")
     if name == TORCH:

@@ -38,6 +38,8 @@ class CudaEngine:
         self._network = in_precision(network, precision).to(self._device)
         self._frame = FrameOnDevice(self._device)
         rounds = precision is not Precision.FP32
+        if self._device.type == "cuda":
+            torch.backends.cudnn.allow_tf32 = False  # for what the tracker does with it outside the graphs
         self._cut = Replayed(self._cut_out, self._device)
         self._embed = Replayed(self._embedded, self._device, rounds=rounds)
         self._imagine = Replayed(self._imagined, self._device, rounds=rounds)

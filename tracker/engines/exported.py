@@ -29,6 +29,7 @@ class ExportedEngine:
     """See Engine. On the CPU, with exactly the threads it is given, whatever PyTorch and OpenCV have."""
 
     runtime: ClassVar[str]  # the engine's name, and of its package, and of the extra that brings it
+    packages: ClassVar[tuple[str, ...]]  # that it needs, the runtime's first
 
     def __init__(self, network: ClimRT | Graphs, *, threads: int, climnet: bool = True) -> None:
         """network: as trained, exported here in memory; or graphs. climnet=False: none will be asked to imagine.
@@ -53,11 +54,17 @@ class ExportedEngine:
 
     @classmethod
     def imported(cls) -> ModuleType:
-        """The runtime's package. Raises EngineError where it is missing."""
-        try:
-            return importlib.import_module(cls.runtime)
-        except ImportError as error:
-            raise EngineError(missing(f"engine {cls.runtime}", cls.runtime, cls.extra())) from error
+        """The runtime's package, which all others are there with. Raises EngineError."""
+        for name in reversed(cls.packages):
+            try:
+                module = importlib.import_module(name)
+            except ModuleNotFoundError as error:
+                raise EngineError(missing(f"engine {cls.runtime}", error.name or name, cls.extra())) from error
+            except Exception as error:  # whatever a broken installation raises
+                raise EngineError(
+                    f"engine {cls.runtime}: the package {name} cannot be used: {_reason(error)}"
+                ) from error
+        return module
 
     @classmethod
     def extra(cls) -> str:
@@ -68,8 +75,7 @@ class ExportedEngine:
         try:
             return self._compile(graph)
         except Exception as error:
-            reason = str(error).strip().splitlines() or [type(error).__name__]
-            raise EngineError(f"engine {self.runtime}: cannot run the graph {name}: {reason[-1].strip()}") from error
+            raise EngineError(f"engine {self.runtime}: cannot run the graph {name}: {_reason(error)}") from error
 
     def _compile(self, graph: bytes) -> Run:
         raise NotImplementedError
@@ -98,6 +104,11 @@ class ExportedEngine:
         """The latent frame itself: what ClimNet draws between two search patches."""
         assert self._between is not None, "has_climnet says whether this may be asked"
         return _tensors(self._between(_arrays({"earlier": earlier, "current": current})))[0]
+
+
+def _reason(error: Exception) -> str:
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[-1].strip()
 
 
 def missing(what: str, package: str, extra: str) -> str:

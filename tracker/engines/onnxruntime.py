@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
-from types import ModuleType
 
 import torch
 
 from tracker.engines.correlations import without_correlations
-from tracker.engines.engine import EngineError
-from tracker.engines.exported import Array, ExportedEngine, Run, missing
+from tracker.engines.exported import Array, ExportedEngine, Run
 from tracker.network.correlation import correlate
 
 
@@ -18,20 +15,12 @@ class ONNXRuntimeEngine(ExportedEngine):
     """See Engine."""
 
     runtime = "onnxruntime"
+    packages = ("onnxruntime", "onnx")
 
     @classmethod
     def extra(cls) -> str:
         """See ExportedEngine."""
         return "onnx"
-
-    @classmethod
-    def imported(cls) -> ModuleType:
-        """See ExportedEngine; with it the package that reads graphs, for what is to be left out of them."""
-        try:
-            importlib.import_module("onnx")
-        except ImportError as error:
-            raise EngineError(missing(f"engine {cls.runtime}", "onnx", cls.extra())) from error
-        return super().imported()
 
     def _compile(self, graph: bytes) -> Run:
         self._module.disable_telemetry_events()  # on Windows it has some

@@ -17,6 +17,7 @@ class OpenVINOEngine(ExportedEngine):
     """See Engine."""
 
     runtime = "openvino"
+    packages = ("openvino",)
 
     @classmethod
     def imported(cls) -> ModuleType:
