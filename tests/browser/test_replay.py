@@ -124,11 +124,18 @@ async def test_box_and_prediction_are_drawn_where_they_were(shown: Shown) -> Non
     assert box == pytest.approx(target, abs=6)
     await page.mouse.click(*await on_line(page, 4.9))
     await reads(page, "state", re.compile("COASTING|LOST"))
-    image = await pixels(page)
+    image = await drawn(page, (255, 180, 0))  # the tag that says so
     assert extent(image, CYAN) is not None
-    assert extent(image, (255, 180, 0), near=10) is not None  # the tag that says so
     assert extent(image, RED_BGR[::-1]) is None
     await shot(page, "replay-lost")
+
+
+async def drawn(page: Any, colour: tuple[int, int, int]) -> Any:
+    """The picture, once there is something of this colour in it: words may stand before it is drawn."""
+    async with asyncio.timeout(10.0):
+        while extent(image := await pixels(page), colour, near=10) is None:
+            await asyncio.sleep(0.05)
+    return image
 
 
 async def on_line(page: Any, t_s: float) -> tuple[float, float]:
