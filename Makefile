@@ -13,7 +13,7 @@ help:
 	@echo "make test-browser   the operator's page in a real Chromium"
 	@echo "make pictures   the pictures of docs/, of a flight in Chromium (also needs tmux)"
 	@echo "make check   ruff, mypy, import-linter, codespell"
-	@echo "make bench   speed, latency and memory, beside other trackers in one run; table and plot in out/bench (5 minutes)"
+	@echo "make bench   speed, latency and memory, beside other trackers in one run; table and plot in out/bench (6 minutes)"
 	@echo "make mutate  break the safety code one operator at a time: does a test notice each? (ONLY='control.gate.*')"
 	@echo "make gate-million   a million random calls of the gate and 20,000 of hypothesis'"
 	@echo "make fuzz    a million damaged packets, ten thousand videos, flights, configurations, weights, requests (10 to 20 minutes)"

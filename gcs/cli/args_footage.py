@@ -38,7 +38,7 @@ def _add_dry_run(commands: Commands) -> None:
     add_port(p)
     p.add_argument("--boxes", metavar="FILE", help="ground truth (x,y,w,h per frame) to score against")
     p.add_argument("--telemetry", metavar="FILE", help="attitude recorded with the video (JSON lines)")
-    p.add_argument("--weights", metavar="NAME|FILE", help="default: compact")
+    p.add_argument("--weights", metavar="NAME|FILE", help="default: what is best here")
     p.add_argument("--config", metavar="FILE", help="configuration (YAML)")
     p.add_argument("--profile", metavar="NAME", help="a ready-made configuration (see `gcs config --profiles`)")
     p.add_argument("--out", metavar="DIR", help="where the results go (default: out/dry-run)")

@@ -23,7 +23,7 @@ def _add_bench(commands: Commands) -> None:
     bench = add_command(
         commands, "bench", "how fast it is here, or how well it tracks",
         handler="gcs.cli.bench:speed",
-        more="Alone it measures speed and memory on this machine, side by side with other trackers: five minutes.",
+        more="Alone it measures speed and memory on this machine, side by side with other trackers: four minutes.",
         examples=(
             "gcs bench",
             "gcs bench --quick --only trackers stages",
@@ -42,15 +42,15 @@ def _add_bench(commands: Commands) -> None:
 def _add_bench_speed(p: Parser) -> None:
     p.add_argument("--json", action="store_true", help="one JSON line")
     p.add_argument("--out", metavar="DIR", default="out/bench", help="table, JSON and plot go there (out/bench)")
-    p.add_argument("--quick", action="store_true", help="less of everything: under a minute, and rougher")
+    p.add_argument("--quick", action="store_true", help="less of everything: a minute, and rougher")
     p.add_argument("--only", nargs="+", choices=BENCH_GROUPS, metavar="GROUP", help=f"of {', '.join(BENCH_GROUPS)}")
     p.add_argument("--nano", nargs=2, metavar=("BACKBONE", "HEAD"), help="networks of OpenCV's TrackerNano (.onnx)")
     p.add_argument("--vit", metavar="FILE", help="network of OpenCV's TrackerVit (.onnx)")
     p.add_argument("--no-contrib", action="store_true", help="without CSRT and KCF, which are installed aside by pip")
     p.add_argument(
         "--auto", action="store_true",
-        help="instead measure every way to track that runs here, and remember which is best: what gcs run, demo and"
-        " dry-run do by themselves the first time",
+        help="instead measure every way to track that runs here, and remember which is best: what gcs run, demo, dry-run"
+        " and doctor do by themselves the first time",
     )  # fmt: skip
     p.add_argument(
         "--fps", type=float, default=30.0, metavar="F", help="with --auto: pictures a second to keep up with (30)"
