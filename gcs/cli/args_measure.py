@@ -49,8 +49,8 @@ def _add_bench_speed(p: Parser) -> None:
     p.add_argument("--no-contrib", action="store_true", help="without CSRT and KCF, which are installed aside by pip")
     p.add_argument(
         "--auto", action="store_true",
-        help="instead measure every way to track that runs here, and remember which is best: what gcs run, demo, dry-run"
-        " and doctor do by themselves the first time",
+        help="instead measure every way to track that runs here, and remember which is best: what gcs run, demo,"
+        " dry-run and doctor do by themselves the first time",
     )  # fmt: skip
     p.add_argument(
         "--fps", type=float, default=30.0, metavar="F", help="with --auto: pictures a second to keep up with (30)"
