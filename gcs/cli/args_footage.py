@@ -66,13 +66,16 @@ def _add_replay(commands: Commands) -> None:
     p.add_argument("--speed", type=float, default=1.0, metavar="X", help="times faster than it was (default: 1)")
     p.add_argument("--page", action=argparse.BooleanOptionalAction, default=True, help="show it in a browser (default)")
     add_port(p)
-    p.add_argument("--film", metavar="FILE", help="write a film with the overlay drawn in instead of showing it")
-    p.add_argument("--verify", action="store_true", help="fly it again and compare, to the last bit")
+    instead = p.add_mutually_exclusive_group()
+    instead.add_argument("--film", metavar="FILE", help="write a film with the overlay drawn in instead of showing it")
+    instead.add_argument("--verify", action="store_true", help="fly it again and compare, to the last bit")
     p.add_argument(
         "--from", dest="from_stage", choices=("tracker", "control"), metavar="STAGE",
         help="what is flown again: from `tracker` on (default), or from `control` on, with the recorded boxes",
     )  # fmt: skip
-    p.add_argument("--with", dest="with_config", metavar="CONFIG", help="fly it again with this configuration (YAML)")
+    instead.add_argument(
+        "--with", dest="with_config", metavar="CONFIG", help="fly it again with this configuration (YAML)"
+    )
     p.add_argument("--json", action="store_true", help="JSON lines on stdout (with --no-page, --verify or --with)")
 
 
@@ -95,7 +98,7 @@ def _add_flights(commands: Commands) -> None:
         more="The newest first.",
         examples=("gcs flights", "gcs flights --folder /media/card --json"),
     )  # fmt: skip
-    p.add_argument("--folder", metavar="DIR", help="where they are (default: recorder.folder)")
+    p.add_argument("--folder", metavar="DIR", help="where they are (default: out)")
     p.add_argument("--json", action="store_true", help="one JSON line for each")
 
 
@@ -129,7 +132,7 @@ def _add_import(commands: Commands) -> None:
         help="the video begins so long after the log does (default: by its creation time, else both end together)",
     )  # fmt: skip
     p.add_argument("--system", type=int, metavar="N", help="the vehicle, where there are several (MAVLink system id)")
-    p.add_argument("--out", metavar="DIR", help="folder of the flight (default: one of its own in recorder.folder)")
+    p.add_argument("--out", metavar="DIR", help="folder of the flight (default: one of its own in out)")
     p.add_argument("--json", action="store_true", help="what was found, as one JSON line")
 
 

@@ -17,12 +17,14 @@ from control.camera import CameraModel
 from gcs.config import Config
 from gcs.config import TrackerConfig as TrackerChoice
 from gcs.dryrun.output import (
+    ANNOTATED,
     AnnotatedVideo,
     Summary,
     Tally,
     Truth,
     accuracy_of,
     prepare_folder,
+    remove_earlier,
     write_results,
 )
 from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, Pose, Rehearsal, Tick, View
@@ -129,9 +131,10 @@ class _DryRun:
         self._rehearsal = Rehearsal(camera, options.config)
         self._tally = Tally()
         self._out = prepare_folder(options.out)
+        remove_earlier(self._out)
         self._video = None
         if options.annotate:
-            path = self._out / "annotated.mp4"
+            path = self._out / ANNOTATED
             self._video = AnnotatedVideo(path, source.size, source.fps or LIVE_FPS)
         limit_bytes = int(options.config.recorder.size_limit_mb * 1e6)
         self._log = MessageLog(self._out / "messages.jsonl", wait_when_full=True, size_limit_bytes=limit_bytes)

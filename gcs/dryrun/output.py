@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import statistics
 from collections import Counter
@@ -17,11 +18,13 @@ from control.engagement import State
 from control.gate_limits import TICK_S
 from gcs.dryrun.rehearsal import Tick
 from gcs.errors import GcsError
+from gcs.recorder.manifest import MANIFEST
 from gcs.video.frame import Image
 from tracker.eval.ope import score
 
 Truth = NDArray[np.float64]  # (N, 4) x, y, w, h px; NaN = absent
 
+ANNOTATED = "annotated.mp4"
 MAX_REPEATS = 100
 
 
@@ -183,12 +186,21 @@ class AnnotatedVideo:
 
 
 def prepare_folder(folder: Path) -> Path:
-    """Make the output folder. Raises GcsError where that cannot be."""
+    """Make the output folder. Raises GcsError where that cannot be, or where a flight is recorded in it."""
+    if (folder / MANIFEST).exists():
+        raise GcsError(f"--out {folder}: holds a recorded flight; give another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise GcsError(f"--out {folder}: {(error.strerror or str(error)).lower()}") from error
     return folder
+
+
+def remove_earlier(folder: Path) -> None:
+    """What a dry run left there before: not all of it may be written again."""
+    for name in (ANNOTATED, "messages.jsonl", "boxes.txt", "summary.json"):
+        with contextlib.suppress(OSError):  # whoever writes it says so
+            (folder / name).unlink()
 
 
 def write_results(folder: Path, summary: Summary, boxes_xywh: list[tuple[float, float, float, float]]) -> None:

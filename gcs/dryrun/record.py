@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gcs.audit import Audit
 from gcs.config import RecorderConfig
-from gcs.dryrun.output import Summary, Tally, prepare_folder, write_results
+from gcs.dryrun.output import ANNOTATED, Summary, Tally, prepare_folder, remove_earlier, write_results
 from gcs.dryrun.pace import FilmFrame
 from gcs.dryrun.rehearsal import ASSUMED_DISTANCE_M, WouldBe
 from gcs.dryrun.rehearsal import Tick as Rehearsed
@@ -19,7 +19,6 @@ from gcs.flight_view import Sighting, overlay
 from gcs.recorder.flight_recorder import FlightRecorder
 from gcs.tick import Tick
 
-ANNOTATED = "annotated.mp4"
 _NOT_SEEN = (math.nan, math.nan, math.nan, math.nan)
 
 
@@ -42,6 +41,7 @@ class DryRunRecord:
     ) -> None:
         """assumed: whether the distance confirmed is one that nothing tells. GcsError without a folder."""
         self._out, self._name = prepare_folder(out), video
+        remove_earlier(out)
         self._messages = FlightRecorder(out, config)
         self._film = FlightVideo(out / ANNOTATED, size, fps) if annotate else None
         self._tally = Tally()

@@ -93,7 +93,7 @@ class BatchWriter(Generic[Item]):
                 self._pump(file)
         except OSError as error:
             self._give_up(error.strerror or str(error))
-        except (TypeError, ValueError, msgspec.MsgspecError) as error:
+        except (TypeError, ValueError, OverflowError, msgspec.MsgspecError) as error:
             # Something that cannot be encoded is a programming error, but not worth a flight.
             self._give_up(str(error))
 

@@ -118,7 +118,7 @@ def given_folder(path: Path) -> FlightFolder:
     """This very folder. FolderError where a flight is in it already, or it cannot be made."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-        if any(next(path.glob(pattern), None) is not None for pattern in _OURS):
+        if _first_of_ours(path) is not None:
             raise FolderError(f"{path}: holds a flight already; give another folder, or move that one away")
     except OSError as error:
         raise refused(path, error) from error
@@ -126,18 +126,23 @@ def given_folder(path: Path) -> FlightFolder:
 
 
 def demo_folder(path: Path) -> FlightFolder:
-    """This one, in place of an earlier demo there. FolderError where a real flight is in it, or it cannot be made."""
-    if (path / MANIFEST).exists():
-        kind = read_manifest(path).kind
-        if kind != "demo":
-            raise FolderError(f"{path}: holds a flight (of gcs {kind}); give another folder with --out")
+    """This one, in place of an earlier demo there. FolderError where anything else is in it, or it cannot be made."""
+    was_demo = (path / MANIFEST).exists()
+    if was_demo and (kind := read_manifest(path).kind) != "demo":
+        raise FolderError(f"{path}: holds a flight (of gcs {kind}); give another folder with --out")
     try:
         path.mkdir(parents=True, exist_ok=True)
+        if not was_demo and (found := _first_of_ours(path)) is not None:
+            raise FolderError(f"{found}: of a flight without {MANIFEST}; give another folder with --out")
         folder = FlightFolder(path)
         _clear(path)
     except OSError as error:
         raise refused(path, error) from error
     return folder
+
+
+def _first_of_ours(path: Path) -> Path | None:
+    return next((each for pattern in _OURS for each in path.glob(pattern)), None)
 
 
 def _clear(path: Path) -> None:

@@ -62,7 +62,8 @@ class Recording:
         if free_gb < _LITTLE_GB:
             self._say(f"record: only {free_gb:.1f} GB free at {self.path}")
         self.record = FlightRecorder(self.path, self._config.recorder, self.film, with_tlog=True, say=self._say)
-        self._make_room()
+        if kind == "run":  # a demo, which reads no configuration of the pilot's, takes nothing away
+            self._make_room()
 
     def _make_room(self) -> None:
         keep_gb = self._config.recorder.keep_gb

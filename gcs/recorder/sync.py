@@ -33,8 +33,8 @@ class Syncer:
 
     def _sync(self) -> None:
         """An error shows where the file is written."""
-        with contextlib.suppress(OSError):
-            for path in self._folder.iterdir():
+        for path in self._folder.glob("*"):
+            with contextlib.suppress(OSError):
                 if path.is_file():
                     number = os.open(path, os.O_RDONLY)
                     try:

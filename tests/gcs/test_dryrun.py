@@ -244,6 +244,25 @@ def test_no_video_and_no_folder(tmp_path: Path) -> None:
         dry_run(write_clip(tmp_path / "a.mp4"), tmp_path / "file" / "out")
 
 
+def test_a_folder_with_a_recorded_flight_is_left_alone(tmp_path: Path) -> None:
+    out = tmp_path / "flight"
+    out.mkdir()
+    (out / "manifest.json").write_text("{}")
+    (out / "messages.jsonl").write_text("flown")
+    with pytest.raises(GcsError, match=r"flight: holds a recorded flight; give another folder$"):
+        dry_run(write_clip(tmp_path / "a.mp4"), out)
+    assert (out / "messages.jsonl").read_text() == "flown"
+
+
+def test_nothing_of_an_earlier_run_is_taken_for_this_ones(tmp_path: Path) -> None:
+    clip, out = write_clip(tmp_path / "a.mp4"), tmp_path / "out"
+    dry_run(clip, out)
+    assert (out / "annotated.mp4").exists()
+    dry_run(clip, out, annotate=False)
+    assert not (out / "annotated.mp4").exists()
+    assert (out / "boxes.txt").exists()
+
+
 def test_the_camera_of_the_configuration_must_fit_the_video(tmp_path: Path) -> None:
     config = Config()
     camera = replace(config.camera, width_px=1280, height_px=720, fx_px=900.0)

@@ -85,6 +85,16 @@ def test_a_demo_replaces_a_demo_and_nothing_else(tmp_path: Path) -> None:
     assert (real / "messages.jsonl").exists()
 
 
+def test_a_demo_takes_no_folder_whose_flight_has_lost_its_manifest(tmp_path: Path) -> None:
+    for name in ("messages.jsonl", "film.mp4", "flight.gpx", "report.html"):
+        folder = tmp_path / name.split(".")[0]
+        folder.mkdir()
+        (folder / name).write_text("kept")
+        with pytest.raises(FolderError, match=rf"{name}: of a flight without manifest.json; give another folder"):
+            demo_folder(folder)
+        assert [each.name for each in folder.iterdir()] == [name]
+
+
 def test_what_had_not_begun_leaves_nothing(tmp_path: Path) -> None:
     made = new_folder(tmp_path)
     (made.path / "film.mjpeg").write_bytes(b"x")

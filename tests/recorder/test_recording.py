@@ -108,6 +108,14 @@ async def test_it_makes_room_and_says_so(tmp_path: Path) -> None:
     assert (kept.path / MANIFEST).exists()
 
 
+async def test_a_demo_takes_nothing_away(tmp_path: Path) -> None:
+    old = flight(tmp_path, "flight-20010909-014640", 1e9, kb=200_000)
+    async with recording(given_folder(tmp_path / "demo"), config(tmp_path, keep_gb=0.1), FakeClock(), print) as kept:
+        await kept.begin("demo", ImaginedCamera(), "udpin://0.0.0.0:14540")
+        await asyncio.sleep(0.3)
+    assert old.exists()
+
+
 def test_trouble_with_the_record_stands_in_the_status(tmp_path: Path) -> None:
     (tmp_path / MESSAGES).mkdir()  # so that it cannot be written
     record = FlightRecorder(tmp_path, RecorderConfig())
