@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
+from control.camera import ray_camera
 from gcs.config import Config
+from gcs.errors import ConfigError
 from gcs.report.above import from_above, is_in_sight
 from gcs.report.figures import Report
 from gcs.report.histogram import histogram
@@ -45,10 +48,9 @@ def _charts(report: Report, tally: Tally, config: Config | None) -> Iterator[Tim
     )  # fmt: skip
     middle = (Level("standoff", 0.0),)
     yield chart("Distance error, m further than the standoff", "m", Line("error", follow.excess_m), levels=middle)
-    half_view = () if config is None else (_half_view(config, 1), _half_view(config, -1))
     yield chart(
         "Bearing error, deg right of the picture's middle", "deg", Line("error", follow.bearing_deg),
-        levels=(Level("middle", 0.0), *half_view),
+        levels=(Level("middle", 0.0), *_edges(config, report.provenance.video_size_px)),
     )  # fmt: skip
     sure = () if control is None else (
         Level("to confirm", control.engagement.confirm_confidence),
@@ -61,9 +63,17 @@ def _charts(report: Report, tally: Tally, config: Config | None) -> Iterator[Tim
     yield chart("Battery, %", "%", Line("battery", tally.battery), zero=True)
 
 
-def _half_view(config: Config, side: int) -> Level:
-    name = "right edge of the picture" if side > 0 else "left edge"
-    return Level(name, side * config.camera.hfov_deg / 2)
+def _edges(config: Config | None, size_px: tuple[int, int] | None) -> Iterator[Level]:
+    """Of the picture, at half its height; none where its size is not known, or not that of the calibration."""
+    if config is None or size_px is None:
+        return
+    try:
+        camera = config.camera_model(*size_px)
+    except ConfigError:
+        return
+    for name, u_px in (("right edge of the picture", float(camera.width_px)), ("left edge", 0.0)):
+        right, _, forward = ray_camera(camera, u_px, camera.height_px / 2)
+        yield Level(name, math.degrees(math.atan2(right, forward)))
 
 
 def shades_of(report: Report) -> tuple[Shade, ...]:

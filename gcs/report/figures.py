@@ -162,12 +162,16 @@ class Changed:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What it was flown with, from the manifest; empty where there is none. simulated: no real vehicle flew."""
+    """What it was flown with, from the manifest; empty where there is none. simulated: no real vehicle flew.
+
+    video_size_px: (width, height) of its pictures.
+    """
 
     kind: str = ""
     simulated: bool = False
     vehicle: str = ""
     video: str = ""
+    video_size_px: tuple[int, int] | None = None
     weights: str = ""
     weights_sha256: str = ""
     seed: int | None = None

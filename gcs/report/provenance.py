@@ -22,6 +22,7 @@ def provenance_of(manifest: Manifest) -> Provenance:
         simulated=manifest.kind == "demo" or dict(_leaves(manifest.config)).get("vehicle.simulated") is True,
         vehicle=redact(manifest.vehicle or ""),
         video="" if video is None else f"{redact(video.address)}, {video.width_px}x{video.height_px} px",
+        video_size_px=None if video is None else (video.width_px, video.height_px),
         weights="" if weights is None else weights.name,
         weights_sha256="" if weights is None else weights.sha256,
         seed=manifest.seed,

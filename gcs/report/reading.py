@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from datetime import datetime
@@ -41,7 +42,8 @@ class Reading:
                 self.config = manifest.configuration
             except ManifestError as error:
                 problems.append(str(error))
-        self.tally = Tally(self.log.start_s, (self.config or Config()).control.follow, is_import)
+        config = self.config or Config()
+        self.tally = Tally(self.log.start_s, config.control.follow, is_import, _mount_yaw_rad(config))
         for entry in _counted(self.log, len(self.log), progress):
             self.tally.add(entry)
         self.tally.finish(self.log.span_s)
@@ -87,6 +89,11 @@ def _manifest(folder: Path) -> tuple[Manifest | None, list[str]]:
         return read_manifest(folder), []
     except ManifestError as error:
         return None, [str(error)]
+
+
+def _mount_yaw_rad(config: Config) -> float:
+    """As `Config.camera_model` has it, which needs the size of the pictures too."""
+    return 0.0 if config.gimbal.enabled else math.radians(config.camera.mount_rpy_deg[2])
 
 
 def _counted(entries: Iterable[T], whole: int, progress: Progress) -> Iterator[T]:
@@ -135,6 +142,8 @@ def _problems(folder: Path, manifest: Manifest | None, log: FlightLog, tally: Ta
         found.append("the record ends in the middle of a follow: the video, or the program, ended there")
     if tally.left_out:
         found.append(f"{tally.left_out} more lines of the timeline are left out here")
+    if tally.phases_left_out:
+        found.append(f"{tally.phases_left_out} later changes of state are not drawn in the band of states")
     film = Film(folder)
     film.close()
     is_missed = film.is_there or manifest is None or manifest.kind != IMPORT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeVar
 
 from control.config import FollowConfig
@@ -32,13 +32,18 @@ _TAKEN_UP: Final = frozenset({"box", "point", "pick", "follow", "abort", "ack"})
 
 @dataclass(slots=True)
 class Tally:
-    """`add` each entry of a `FlightLog`, then `finish`. All times it gives: seconds since start_s."""
+    """`add` each entry of a `FlightLog`, then `finish`. All times it gives: seconds since start_s.
+
+    mount_yaw_rad: as in `FollowTally`. phases_left_out: changes of state after the last phase that is kept.
+    """
 
     start_s: float
     follow_config: FollowConfig = field(default_factory=FollowConfig)
     is_import: bool = False  # another station flew it: its decisions tell the vehicle alone
+    mount_yaw_rad: float = 0.0
     events: list[Event] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
+    phases_left_out: int = 0
     orders: list[Order] = field(default_factory=list)
     refusals: list[Standing] = field(default_factory=list)
     said: list[Words] = field(default_factory=list)
@@ -60,7 +65,7 @@ class Tally:
     _told: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.follow, self.link = FollowTally(self.start_s), LinkTally(self.start_s)
+        self.follow, self.link = FollowTally(self.start_s, self.mount_yaw_rad), LinkTally(self.start_s)
 
     def add(self, entry: Entry) -> None:
         """One message."""
@@ -91,9 +96,7 @@ class Tally:
     def finish(self, lasted_s: float) -> None:
         """There is no more; lasted_s: to the last message."""
         self.follow.finish(lasted_s)
-        if self.phases:
-            last = self.phases[-1]
-            self.phases[-1] = Phase(last.start_s, max(lasted_s, last.start_s), last.name, last.reasons)
+        self._end_phase(lasted_s)
         self.events.sort(key=lambda line: line.t_s)  # an order is written down once it is answered
         self.orders.sort(key=lambda line: line.t_s)
         self.said.sort(key=lambda line: line.t_s)
@@ -124,11 +127,15 @@ class Tally:
         name = "engaging" if output.engaging else output.state.value
         why = tuple(cause.value for cause in output.reasons)
         if self._tell(at_s, "state", f"{name.upper()}: {'; '.join(why)}" if why else name.upper()):
-            if self.phases:
-                before = self.phases[-1]
-                self.phases[-1] = Phase(before.start_s, at_s, before.name, before.reasons)
-            if len(self.phases) < _MOST:
-                self.phases.append(Phase(at_s, at_s, name, why))
+            self._end_phase(at_s)
+            if not _keep(self.phases, Phase(at_s, at_s, name, why)):
+                self.phases_left_out += 1
+
+    def _end_phase(self, at_s: float) -> None:
+        """The newest ends then, unless it ended before one that is left out."""
+        if self.phases and not self.phases_left_out:
+            last = self.phases[-1]
+            self.phases[-1] = replace(last, end_s=max(at_s, last.start_s))
 
     def _acts(self, tick: TickRow, at_s: float) -> None:
         inputs = tick.inputs

@@ -53,9 +53,13 @@ class Missing:
 
 @dataclass(slots=True)
 class FollowTally:
-    """start_s: reading of the flight's clock at the first message; all it gives is told from then on."""
+    """start_s: reading of the flight's clock at the first message; all it gives is told from then on.
+
+    mount_yaw_rad: of the camera in the vehicle; 0 where a gimbal turns it.
+    """
 
     start_s: float
+    mount_yaw_rad: float = 0.0
     episodes: list[Episode] = field(default_factory=list)
     missing: list[Missing] = field(default_factory=list)
     bearing_deg: Curve = field(default_factory=Curve)
@@ -126,7 +130,8 @@ class FollowTally:
         if gimbal is not None:
             self._attitude.add(gimbal.t_s, 0.0, gimbal.pitch_rad, gimbal.yaw_rad)
         elif vehicle.attitude_t_s is not None:
-            self._attitude.add(vehicle.attitude_t_s, vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad)
+            yaw_rad = vehicle.yaw_rad + self.mount_yaw_rad
+            self._attitude.add(vehicle.attitude_t_s, vehicle.roll_rad, vehicle.pitch_rad, yaw_rad)
 
     def _begin(self, tick: TickRow) -> None:
         self.confirmations += 1

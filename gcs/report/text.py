@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
 from gcs.errors import printable
 from gcs.report.figures import Event, Report
+from gcs.report.words import clock
 
 _WIDTH: Final = 100
 _MOST_EVENTS: Final = 24
@@ -28,7 +28,7 @@ def _cut(line: str) -> str:
 def _head(report: Report) -> Iterator[str]:
     vehicle = report.autopilot or "vehicle unknown: no audit was logged"
     simulated = ", simulated" if report.provenance.simulated else ""
-    yield f"flight {report.folder}: {report.began}, {_time(report.lasted_s)}, {vehicle}{simulated}"
+    yield f"flight {report.folder}: {report.began}, {clock(report.lasted_s)}, {vehicle}{simulated}"
     yield ""
 
 
@@ -90,7 +90,7 @@ def _timeline(report: Report) -> Iterator[str]:
 
 def _line(event: Event) -> str:
     who = "" if event.kind == "state" else f"{event.kind} "
-    return f"{_time(event.t_s):>9}  {who}{event.text}"
+    return f"{clock(event.t_s):>9}  {who}{event.text}"
 
 
 def _row(name: str, text: str) -> str:
@@ -99,8 +99,3 @@ def _row(name: str, text: str) -> str:
 
 def _figure(value: float | None, form: str) -> str:
     return "not in the messages" if value is None else form.format(value)
-
-
-def _time(seconds: float) -> str:
-    minutes, rest_s = divmod(max(seconds, 0.0), 60)
-    return f"{math.floor(minutes)}:{rest_s:04.1f}"

@@ -99,7 +99,8 @@ class ImportedVideo:
             ]
             if any(stamp is None for stamp in stamps):
                 return [number / (self.fps or DEFAULT_FPS) for number in range(len(stamps))]
-            return sorted(float((stamp - min(stamps)) * stream.time_base) for stamp in stamps)
+            stamps.sort()
+            return [float((stamp - stamps[0]) * stream.time_base) for stamp in stamps]
 
     def _packets(self, files: FilmFiles, start_s: float) -> list[Shown]:
         """A packet arrives when the picture that it gives is due."""

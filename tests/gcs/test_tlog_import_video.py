@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from control.engagement import State
 from gcs.recorder.film_reader import FilmReader
 from gcs.replay.log import FlightLog, FrameRow, TickRow
+from gcs.tlog_import import video as imported
 from gcs.tlog_import.command import import_flight
 from gcs.video import pyav
 from tests.gcs.stream_sender import SIZE, number_of, numbered
@@ -148,3 +150,26 @@ def test_a_video_of_another_day_is_said_to_be(tlog: Path, tmp_path: Path) -> Non
     video = write_av(tmp_path / "v.mp4", "libx264", {"preset": "ultrafast"})
     told = import_flight(tlog, tmp_path / "flight", str(video), 500.0)
     assert "lies outside of the log" in told.notes[0]
+
+
+class Stamp(int):
+    """Counts how often any of them is compared."""
+
+    compared = 0
+
+    def __lt__(self, other: int) -> bool:
+        Stamp.compared += 1
+        return int(self) < int(other)
+
+
+@needs_av
+def test_the_times_of_a_long_video_are_found_in_a_few_looks_at_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a picture that is shown before the one that was sent before it."""
+    found = imported.ImportedVideo(write_av(tmp_path / "v.mkv", "mjpeg", {}))
+    stamps = [7000 + 50 * number for number in (0, 2, 1, *range(3, 1000))]
+    packets = [SimpleNamespace(pts=Stamp(stamp), size=1) for stamp in stamps]
+    monkeypatch.setattr(imported, "shown_progress", lambda *_: packets)
+    assert found._packet_times_s() == pytest.approx([number / FPS for number in range(1000)])
+    assert 0 < Stamp.compared < 20 * len(stamps)
