@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from gcs.dryrun.output import MAX_REPEATS
-from gcs.dryrun.record import ANNOTATED
+from gcs.dryrun.output import ANNOTATED, MAX_REPEATS
 from gcs.errors import VideoError
+from gcs.recorder.film_index import INDEX
 from gcs.recorder.film_reader import FilmReader
 from gcs.replay.log import Entry, FlightLog, FrameRow
 from gcs.video import VideoSource, open_source
@@ -31,7 +31,8 @@ class Film:
 
     def __init__(self, folder: Path, log: FlightLog | None = None) -> None:
         """log: of the same folder; the film of a dry run needs it, and so does a guess at the size of none."""
-        self._annotated = _Annotated(folder / ANNOTATED, log) if (folder / ANNOTATED).exists() else None
+        is_annotated = (folder / ANNOTATED).exists() and not (folder / INDEX).exists()  # a replay may have made it
+        self._annotated = _Annotated(folder / ANNOTATED, log) if is_annotated else None
         self._film = FilmReader(folder) if self._annotated is None else None
         known = (self._annotated or self._film).size  # type: ignore[union-attr]
         self.is_there = known is not None

@@ -71,18 +71,17 @@ def compare_with(folder: Path, path: Path, start: Start | None, progress: Progre
         raise NothingChangedError(f"{path}: says nothing that {folder} was not flown with")
     if start is None:
         start = Start.TRACKER if any(key.startswith("tracker.") for key in changed) else Start.CONTROL
-    problems = list(recorded.problems())
     seen_of: SeenOf = recorded_seen
+    problem = None
     if start is Start.TRACKER:
         seen, problem = track_again(recorded, config, progress)
-        problems += [problem] if problem is not None else []
         seen_of = lambda number, row: seen.get(number) or recorded_seen(number, row)  # noqa: E731
     flown, otherwise = _both(recorded, config, seen_of, progress)
     picture = folder / f"with-{path.stem}.png"
     draw(picture, flown, otherwise, path.name)
     return WhatIf(
         str(folder), start, changed, flown.figures(), otherwise.figures(), apart(flown, otherwise), str(picture),
-        tuple(problems),
+        (*recorded.problems(), *([] if problem is None else [problem])),
     )  # fmt: skip
 
 

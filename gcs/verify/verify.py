@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import Final
@@ -39,7 +39,9 @@ class Start(Enum):
 class Verdict:
     """What came out. elsewhere: what is other than it was when it was flown. problems: why less could be compared.
 
-    tracked: pictures through the tracker again. furthest: of floats within the tolerance, by field.
+    tracked: pictures through the tracker again. whole: all that should be; without, nothing is proved: neither equal
+    nor exact. furthest: of floats within the tolerance, by field. others: weights or code that are other than in the
+    flight; what they change is a difference, so that they allow no tolerance.
     """
 
     folder: str
@@ -47,11 +49,13 @@ class Verdict:
     equal: bool
     exact: bool
     tracked: int
+    whole: bool
     compared: dict[str, int]
     differing: dict[str, int]
     first: str | None
     furthest: dict[str, float]
     elsewhere: tuple[str, ...]
+    others: tuple[str, ...]
     problems: tuple[str, ...]
 
     def lines(self) -> list[str]:
@@ -63,12 +67,17 @@ class Verdict:
         elif self.equal:
             name, distance = max(self.furthest.items(), key=lambda item: item[1])
             said = [f"the same within the tolerance: {counts}{again}; furthest apart: {name} by {distance:.2g}"]
-        else:
+        elif self.differing:
             wrong = ", ".join(
                 f"{count} of {self.compared[what]} {_NAMES[what]}" for what, count in self.differing.items()
             )
             said = [f"NOT THE SAME: {wrong}{again}", f"first: {self.first}"]
-        said += [f"other than in the flight: {each}" for each in self.elsewhere]
+        else:
+            said = [f"NOT PROVED, though nothing differs: {counts}{again}"]
+        if not self.whole:
+            frames = self.compared.get("FrameRecord", 0)
+            said.append(f"only {self.tracked} of {frames} pictures could be tracked again: use --from control")
+        said += [f"other than in the flight: {each}" for each in (*self.elsewhere, *self.others)]
         return said + [f"note: {problem}" for problem in self.problems]
 
 
@@ -89,18 +98,23 @@ _BITS: Final = {
         *NUMBER_VARIABLES,
     ),
 }
+_SHOWN: Final = 12  # characters of a SHA-256
 _NAMES: Final = {"Tick": "decisions", "FrameRecord": "frames", "Expected": "expectations"}
 
 
 @dataclass(slots=True)
 class Recorded:
-    """A flight's folder, opened for flying it again. Raises ReplayError or ManifestError where that cannot be."""
+    """A flight's folder, opened for flying it again. Raises ReplayError or ManifestError where that cannot be.
+
+    others: what is other than in the flight but allows no tolerance; the weights once they are loaded.
+    """
 
     folder: Path
     log: FlightLog
     manifest: Manifest
     config: Config
     size: tuple[int, int]
+    others: list[str] = field(default_factory=list)
 
     @classmethod
     def open(cls, folder: Path) -> Recorded:
@@ -123,9 +137,21 @@ class Recorded:
             if now.get(name) != then.get(name)
         )
 
+    def other(self, name: str, now: str, then: str | None) -> None:
+        """Note code or weights, each by its SHA-256, where they are other than in the flight."""
+        if now != then:
+            self.others.append(f"{name} {now[:_SHOWN]}, was {(then or 'missing')[:_SHOWN]}")
+
     def problems(self) -> tuple[str, ...]:
-        """Of the record."""
-        found = in_progress_note(self.folder)
+        """Of the record, once all of its log has been gone through."""
+        still = in_progress_note(self.folder)
+        found = [*still, *self.manifest.problems]
+        if self.manifest.ended is None and not still:
+            found.append("the flight was not ended in order: its record may end before it did")
+        if self.log.is_cut and not still:
+            found.append("the last line of the log is cut off")
+        if self.manifest.dropped > self.log.dropped:
+            found.append(f"{self.manifest.dropped} records of the flight were not written in time")
         if self.log.dropped:
             found.append(f"{self.log.dropped} events were not recorded: what follows them may differ")
         if self.log.damaged:
@@ -141,14 +167,14 @@ def verify(folder: Path, start: Start, progress: Progress, tolerance: Tolerance 
     tolerance: None allows none, but elsewhere than it was flown `ELSEWHERE`.
     """
     recorded = Recorded.open(folder)
-    elsewhere, problems = recorded.elsewhere(start), list(recorded.problems())
+    elsewhere = recorded.elsewhere(start)
     comparison = Comparison(tolerance or (ELSEWHERE if elsewhere else EXACT))
+    recorded.other("code", software()["code"], recorded.manifest.software.get("code"))
     seen_of: SeenOf = recorded_seen
-    tracked = 0
+    tracked, problem = 0, None
     if start is Start.TRACKER:
         seen, problem = track_again(recorded, recorded.config, progress)
         tracked = len(seen)
-        problems += [problem] if problem is not None else []
         seen_of = _of(seen)
     again = Again(recorded.config, recorded.size, comparison, flown=recorded.config)
     total = len(recorded.log)
@@ -157,10 +183,14 @@ def verify(folder: Path, start: Start, progress: Progress, tolerance: Tolerance 
             progress(f"decisions: {done / total:.0%}")
     if not comparison.compared:
         raise ReplayError(f"{recorded.log.path}: neither a frame nor a decision in it")
+    whole = start is Start.CONTROL or 0 < tracked == comparison.compared.get("FrameRecord")
+    if not whole and problem is None:
+        problem = "the record does not tell of each picture how it was tracked"
+    problems = (*recorded.problems(), *([] if problem is None else [problem]))
     return Verdict(
-        str(folder), start, comparison.is_equal, comparison.is_exact, tracked, comparison.compared,
-        comparison.differing, None if comparison.first is None else str(comparison.first), comparison.furthest,
-        elsewhere, tuple(problems),
+        str(folder), start, whole and comparison.is_equal, whole and comparison.is_exact, tracked, whole,
+        comparison.compared, comparison.differing, None if comparison.first is None else str(comparison.first),
+        comparison.furthest, elsewhere, tuple(recorded.others), problems,
     )  # fmt: skip
 
 
@@ -190,13 +220,21 @@ def as_wanted(wanted: TrackerConfig, flown: TrackerConfig, facts: WeightsFacts |
 
 
 def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple[dict[int, Seen], str | None]:
-    """Every frame through the tracker of this configuration, by number; and why it ended before the last, if it did."""
+    """Every frame through the tracker of this configuration, by number; and why not all of them, or not all is sure."""
     film = Film(recorded.folder)
     seen: dict[int, Seen] = {}
-    if film.problem is not None:
-        return seen, film.problem
+    if not film.is_there or not film.is_exact:
+        film.close()
+        if not film.is_there:
+            return seen, film.problem or f"{recorded.folder}: no picture of its film can be read"
+        how = "has the overlay drawn in" if film.is_annotated else "is JPEG"
+        return seen, f"the film {how}, not what was tracked: use --from control"
     progress("loading the tracker")
-    tracker = make_tracker(as_wanted(config.tracker, recorded.config.tracker, recorded.manifest.weights))
+    facts = recorded.manifest.weights
+    tracker = make_tracker(as_wanted(config.tracker, recorded.config.tracker, facts))
+    loaded = getattr(tracker, "loaded", None)
+    if facts is not None and loaded is not None:
+        recorded.other("weights", loaded.sha256, facts.sha256)
     eyes = EyesAgain(tracker, film.picture)
     total = len(recorded.log)
     try:
@@ -209,7 +247,8 @@ def track_again(recorded: Recorded, config: Config, progress: Progress) -> tuple
                 if done % 20 == 0:
                     progress(f"tracker: {done / total:.0%}")
     except DivergedError as error:
-        return seen, f"pictures were tracked again up to frame {max(seen, default=0)} only: {error}"
+        problem = f"pictures were tracked again up to frame {max(seen, default=0)} only: {error}"
+        return seen, problem if film.problem is None else f"{problem} ({film.problem})"
     finally:
         film.close()
-    return seen, None
+    return seen, film.problem
