@@ -8,7 +8,7 @@ import json
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -140,6 +140,15 @@ def camera_file(folder: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def hangs_up() -> Iterator[None]:
+    """Processes inherit what nohup would ignore, and `gcs run` then goes on, as whoever starts it so wants."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hangs_up")
 @pytest.mark.parametrize(("number", "signed"), [(signal.SIGHUP, False), (signal.SIGTERM, True)])
 async def test_a_signal_brings_zero_hold_and_exit(tmp_path: Path, number: signal.Signals, signed: bool) -> None:
     key = SigningKey.random()
