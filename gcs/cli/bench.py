@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gcs.errors import EXIT_USAGE, ConfigError, one_line
 
@@ -69,9 +69,10 @@ def track(args: argparse.Namespace) -> int:
     weights = args.weights or args.config or "compact"
     threads = 1 if args.jobs > 1 or args.cluster is not None else args.threads
     job = Job(Shipped(weights, args.engine, threads, _latent(args), args.graphs), threads, latency)
+    settings = _settings(args, weights, latency)
     if args.sre:
-        return _sre(args, job, dataset, weights)
-    store = _store(args, weights, latency, dataset)
+        return _sre(args, job, dataset, settings)
+    store = _store(args, settings, dataset)
     _header(args)
     ours = run_benchmark(
         "ClimRT",
@@ -86,7 +87,7 @@ def track(args: argparse.Namespace) -> int:
     return _close(args, dataset, trackers)
 
 
-def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, weights: str) -> int:
+def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, settings: dict[str, Any]) -> int:
     """From twelve first boxes that are a little off: a line each; mean and deviation over what all could score."""
     from dataclasses import replace
 
@@ -95,16 +96,20 @@ def _sre(args: argparse.Namespace, job: Job, dataset: Dataset, weights: str) -> 
     from tracker.eval.starts import SRE
 
     passes: list[Results] = []
-    broken: dict[str, str] = {}
-    stores = [_store(args, weights, None, dataset, start.name) for start in SRE]
+    broken = {each.name: each.reason for each in dataset.broken}  # from every start alike
     _header(args)
-    for start, store in zip(SRE, stores, strict=True):
-        from_there = replace(job, start=start)
+    for start in SRE:
         results = run_benchmark(
-            "ClimRT", from_there, dataset, lambda outcome: None, store=store, jobs=args.jobs, cluster=args.cluster
+            "ClimRT",
+            replace(job, start=start),
+            dataset,
+            lambda outcome: None,
+            store=_store(args, settings, dataset, start.name),
+            jobs=args.jobs,
+            cluster=args.cluster,
         )
         passes.append(results)
-        broken |= {each.name: f"{each.reason} (start {start.name})" for each in results.broken}
+        broken = {each.name: f"{each.reason} (start {start.name})" for each in results.broken} | broken
         if results.outcomes:
             print(start_line(start.name, results, as_json=args.json), flush=True)
     whole = [replace(each, outcomes=tuple(o for o in each.outcomes if o.name not in broken)) for each in passes]
@@ -191,12 +196,8 @@ def _latent(args: argparse.Namespace) -> LatentProvider | None:
     return None if args.latent is None else LatentProvider(args.latent)
 
 
-def _store(
-    args: argparse.Namespace, weights: str, latency: LatencyConfig | None, dataset: Dataset, start: str = ""
-) -> Store | None:
-    """Where results are kept, if at all; loads the weights once, so that bad ones are refused before anything runs."""
-    from tracker.eval.datasets import Layout
-    from tracker.eval.store import Store
+def _settings(args: argparse.Namespace, weights: str, latency: LatencyConfig | None) -> dict[str, Any]:
+    """What boxes depend on. Loads the weights once, so that bad ones are refused before anything runs."""
     from tracker.weights import find_weights, load_tracker, read_manifest
 
     config = load_tracker(
@@ -205,14 +206,22 @@ def _store(
     manifest = read_manifest(find_weights(weights))
     if args.config is not None and manifest.network.name != args.config:
         raise ConfigError(f"{weights}: holds the network '{manifest.network.name}', not '{args.config}'")
-    if args.results is None:
-        return None
     clock = None if latency is None else {"fps": latency.fps, "slower": latency.slower}
-    settings = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
+    settings: dict[str, Any] = {"weights_sha256": manifest.sha256, "tracker": config.to_dict(), "latency": clock}
     if args.engine != "torch":  # what was kept before there were others goes on
         settings["engine"] = args.engine if args.graphs is None else f"{args.engine} {args.graphs}"
+    return settings
+
+
+def _store(args: argparse.Namespace, settings: dict[str, Any], dataset: Dataset, start: str = "") -> Store | None:
+    """Where results are kept, if at all; start: kept apart from those of other first boxes."""
+    from tracker.eval.datasets import Layout
+    from tracker.eval.store import Store
+
+    if args.results is None:
+        return None
     if start:
-        settings["start"] = start
+        settings = settings | {"start": start}
     return Store(Path(args.results) / start, settings, as_got10k=dataset.layout is Layout.GOT10K)
 
 

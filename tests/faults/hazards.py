@@ -81,5 +81,5 @@ FAULTS: Final = tuple(sorted((*VIDEO, *LINK, *VEHICLE, *STATION), key=lambda fau
 ELSEWHERE: Final = {
     34: "configurations and weights are refused before a flight begins: tests/fuzz, tests/gcs/test_config.py",
     36: "memory and handles grow in real time only: make soak",
-    40: "a dry run has no link to break: tests/gcs/test_dryrun.py",
+    40: "a dry run has no link to break: tests/gcs/test_dryrun_sockets.py",
 }

@@ -74,7 +74,7 @@ class ExportedEngine:
     def _compiled(self, name: str, graph: bytes) -> Run:
         try:
             return self._compile(graph)
-        except Exception as error:
+        except Exception as error:  # each runtime has errors of its own
             raise EngineError(f"engine {self.runtime}: cannot run the graph {name}: {_reason(error)}") from error
 
     def _compile(self, graph: bytes) -> Run:
